@@ -1,0 +1,12 @@
+#include "app/commands/commands.h"
+
+#include <array>
+
+namespace strata {
+
+std::span<const Command> all_commands() {
+    static const std::array commands = {convert_command(), info_command(), render_command(), sample_command()};
+    return commands;
+}
+
+}  // namespace strata

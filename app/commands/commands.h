@@ -1,0 +1,18 @@
+#pragma once
+
+#include <span>
+
+#include "app/options.h"
+
+namespace strata {
+
+// One function a subcommand, each in a file of its name.
+Command convert_command();
+Command info_command();
+Command render_command();
+Command sample_command();
+
+/// Every subcommand, in the order of the help text.
+std::span<const Command> all_commands();
+
+}  // namespace strata

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/cloud/attribute.h"
+#include "core/cloud/point_batch.h"
+#include "core/math/box.h"
+#include "core/math/quantization.h"
+
+namespace strata {
+
+/// What a cloud says of itself.
+struct CloudInfo {
+    std::string format;  // "las 1.2, point format 3"; "potree 2.0, DEFAULT"
+    uint64_t points = 0;
+    Box3d bounds;  // world; as the header states it, so it may lie
+    Quantization quantization;
+    std::vector<Attribute> attributes;
+    std::string crs;  // WKT, or "EPSG:n" from GeoTIFF keys; empty: unknown
+};
+
+/// Points of any file, readable in batches in any order. The format's reader implements it in io.
+class PointSource {
+public:
+    virtual ~PointSource() = default;
+
+    virtual const CloudInfo& info() const = 0;
+    virtual uint64_t batch_count() const = 0;
+
+    /// Reads batch `index` < batch_count(). Safe to call from several threads at once, each with its own `out`.
+    /// wanted  indices into info().attributes; positions always come
+    /// throws  Error{malformed, io}, naming the file and the place
+    virtual void read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const = 0;
+};
+
+}  // namespace strata

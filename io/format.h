@@ -1,0 +1,43 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "core/cloud/point_source.h"
+#include "core/octree/layered_cloud.h"
+
+namespace strata {
+
+/// What strata can do with a format.
+enum class FormatKind {
+    points,        // a plain list of points: opened with open_points
+    layered,       // a level-of-detail data set: opened with open_layered
+    not_readable,  // recognised, but not readable by this version; opening it says so
+};
+
+/// A row of the one list of formats: how it is recognised, what it is called.
+struct Format {
+    std::string_view name;         // "las", as in --format
+    std::string_view description;  // "LAS 1.0 to 1.4, point formats 0 to 10"
+    std::string_view endings;      // ".las"; several with blanks between
+    FormatKind kind;
+    bool writable;
+};
+
+/// Every format, for help texts and messages.
+std::span<const Format> all_formats();
+
+/// Recognises a file or folder by its first bytes, not by its name.
+/// throws  Error{not_found, unsupported, io}: the path and the formats that are known
+const Format& identify_format(const std::string& path);
+
+/// Opens one plain file, or several as one cloud: the finest scale, the union of attributes.
+/// throws  Error, naming the file and the place
+std::unique_ptr<PointSource> open_points(std::span<const std::string> paths);
+
+/// Opens a level-of-detail data set.
+std::unique_ptr<LayeredCloud> open_layered(const std::string& path);
+
+}  // namespace strata
