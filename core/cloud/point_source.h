@@ -20,6 +20,7 @@ struct CloudInfo {
     Quantization quantization;
     std::vector<Attribute> attributes;
     std::string crs;  // WKT, or "EPSG:n" from GeoTIFF keys; empty: unknown
+    std::vector<std::string> notes;  // what the reader left out or found odd but not wrong; a line each
 };
 
 /// Points of any file, readable in batches in any order. The format's reader implements it in io.
