@@ -10,6 +10,7 @@
 #include "io/las/las_header.h"
 #include "io/las/las_source.h"
 #include "io/merged_source.h"
+#include "io/potree/potree_cloud.h"
 
 namespace strata {
 namespace {
@@ -109,7 +110,7 @@ std::unique_ptr<PointSource> open_points(std::span<const std::string> paths) {
 std::unique_ptr<LayeredCloud> open_layered(const std::string& path) {
     const Format& format = identify_format(path);
     if (format.kind != FormatKind::layered) refuse(path, format, "a level-of-detail data set");
-    throw Error(ErrorKind::unsupported, path + ": its reader is not in this build");
+    return open_potree(path);
 }
 
 }  // namespace strata
