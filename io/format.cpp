@@ -7,9 +7,9 @@
 
 #include "core/error.h"
 #include "io/byte_source.h"
-#include "io/las/las_header.h"
 #include "io/las/las_source.h"
 #include "io/merged_source.h"
+#include "io/potree/potree_cloud.h"
 
 namespace strata {
 namespace {
@@ -52,11 +52,10 @@ const Format& identify_folder(const std::string& path) {
     throw Error(ErrorKind::unsupported, path + ": a folder without data: metadata.json of Potree 2.0 is expected");
 }
 
-const Format& identify_las(const ByteSource& source, std::string_view head) {
+const Format& identify_las(std::string_view head) {
     // COPC 1.0 asks that its own record comes first, right behind the header of LAS 1.4.
     if (head.size() >= 381 && head.substr(377, 4) == "copc") return format_named("copc");
-    if (head.size() > 104 && (head[104] & 0xC0) != 0) return format_named("laz");
-    return format_named(las::read_header(source).compressed ? "laz" : "las");
+    return format_named(head.size() > 104 && (head[104] & 0xC0) != 0 ? "laz" : "las");  // bits that LASzip sets
 }
 
 const Format& identify_bytes(const ByteSource& source) {
@@ -64,7 +63,7 @@ const Format& identify_bytes(const ByteSource& source) {
     const size_t size = size_t(std::min<uint64_t>(bytes.size(), source.size()));
     source.read(0, std::as_writable_bytes(std::span(bytes).first(size)));
     const std::string_view head(bytes.data(), size);
-    if (head.starts_with("LASF")) return identify_las(source, head);
+    if (head.starts_with("LASF")) return identify_las(head);
     if (head.starts_with("ASTM-E57")) return format_named("e57");
     if (head.starts_with("ply\n") || head.starts_with("ply\r")) return format_named("ply");
     if (head.starts_with("# .PCD") || head.starts_with("VERSION .7") || head.starts_with("VERSION 0.7")) return format_named("pcd");
@@ -109,7 +108,7 @@ std::unique_ptr<PointSource> open_points(std::span<const std::string> paths) {
 std::unique_ptr<LayeredCloud> open_layered(const std::string& path) {
     const Format& format = identify_format(path);
     if (format.kind != FormatKind::layered) refuse(path, format, "a level-of-detail data set");
-    throw Error(ErrorKind::unsupported, path + ": its reader is not in this build");
+    return open_potree(path);
 }
 
 }  // namespace strata

@@ -78,7 +78,7 @@ void bounds_rows(const ordered_json& report, Block& block) {
 void vector_row(const ordered_json& report, const char* key, Block& block) {
     if (!report.contains(key)) return;
     std::string line;
-    for (const ordered_json& value : report[key]) line += (line.empty() ? "" : "  ") + number_text(value);
+    for (const ordered_json& value : report[key]) line.append(line.empty() ? "" : "  ").append(number_text(value));
     block.row(key, line);
 }
 
@@ -93,7 +93,7 @@ std::string crs_text(const std::string& crs) {
 std::string range_text(const ordered_json& values) {
     if (!values.is_array()) return number_text(values);
     std::string line;
-    for (size_t i = 0; i < values.size() && i < 4; ++i) line += (i ? " " : "") + number_text(values[i]);
+    for (size_t i = 0; i < values.size() && i < 4; ++i) line.append(i ? " " : "").append(number_text(values[i]));
     return values.size() > 4 ? line + " ..." : line;
 }
 
@@ -137,11 +137,12 @@ void layer_rows(const ordered_json& report, Block& block) {
 
 std::string with_commas(uint64_t count) {
     std::string text = std::to_string(count);
-    for (int at = int(text.size()) - 3; at > 0; at -= 3) text.insert(size_t(at), ",");
+    for (int at = int(text.size()) - 3; at > 0; at -= 3) text.insert(size_t(at), 1, ',');
     return text;
 }
 
-std::string info_text(const ordered_json& report) {
+std::string info_text(const std::string& report_json) {
+    const ordered_json report = ordered_json::parse(report_json);
     Block block;
     block.text_ = printable(report["path"]) + "\n";
     block.row("format", printable(report["detail"]));
