@@ -1,6 +1,7 @@
 #include "app/options.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <deque>
@@ -47,14 +48,14 @@ public:
         : command_(command), app_(program.add_subcommand(std::string(command.name))) {
         app_->formatter_fn(
             [&](const CLI::App*, const std::string&, CLI::AppFormatMode) { return command_help(command_); });
-        // Counted below, where the message can say what the words are. An option's value is never taken for one.
-        app_->add_option("words", options_.positional)->expected(0, 1 << 29)->allow_extra_args(false);
+        // Counted in run(), where the message can say what the words are.
+        app_->add_option("words", options_.positional)->expected(0, 1 << 29);
         for (const OptionRow& row : command.rows) {
             const std::string names =
                 row.letter.empty() ? std::string(row.flag) : std::string(row.letter) + "," + std::string(row.flag);
             if (!row.initial.empty()) options_.initials[std::string(row.flag)] = row.initial;
             if (row.value.empty())
-                app_->add_flag(names);
+                app_->add_flag(names)->disable_flag_override();
             else
                 app_->add_option(names, texts_.emplace_back())->type_name(std::string(row.value));
         }
@@ -71,6 +72,14 @@ public:
             for (const OptionRow& row : command_.rows) flags.push_back(row.flag);
             throw Error(ErrorKind::usage,
                         place + "unknown option " + word + suggestion(word.substr(0, word.find('=')), flags));
+        }
+        for (const OptionRow& row : command_.rows) {
+            if (dynamic_cast<const CLI::ArgumentMismatch*>(&problem) == nullptr) break;
+            const size_t times = app_->count(std::string(row.flag));
+            if (!std::string_view(problem.what()).starts_with(std::string(row.flag) + ":")) continue;
+            if (times > 1) throw Error(ErrorKind::usage, place + std::string(row.flag) + ": given more than once");
+            throw Error(ErrorKind::usage,
+                        place + std::string(row.flag) + ": expected " + std::string(row.value) + ", got nothing");
         }
         throw Error(ErrorKind::usage, place + problem.what());
     }
@@ -166,14 +175,14 @@ int run_command_line(std::span<const Command> commands, int argc, const char* co
         program.parse(argc, argv);
     } catch (const CLI::ParseError& problem) {
         if (problem.get_exit_code() == 0) return program.exit(problem);  // help and version
-        if (argc > 1 && argv[1][0] != '-' && !program.got_subcommand(argv[1])) throw unknown_command(commands, argv[1]);
+        if (argc > 1 && argv[1][0] == '-')
+            throw Error(ErrorKind::usage, "unknown option " + std::string(argv[1]) + " before the command");
         for (const CommandParser& parser : parsers) parser.explain(problem);
-        throw Error(ErrorKind::usage,
-                    program.remaining().empty() ? "no command given" : "unknown option " + program.remaining().front());
+        throw argc > 1 ? unknown_command(commands, argv[1]) : Error(ErrorKind::usage, "no command given");
     }
-    for (CommandParser& parser : parsers)
-        if (parser.chosen()) return parser.run();
-    throw Error(ErrorKind::usage, "no command given");
+    const auto chosen =
+        std::find_if(parsers.begin(), parsers.end(), [](const CommandParser& parser) { return parser.chosen(); });
+    return chosen->run();  // one is: it was required
 }
 
 }  // namespace strata

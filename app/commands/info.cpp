@@ -130,7 +130,8 @@ int run(const Options& options) {
     const Format& format = identify_format(path);
     const ordered_json report = format.kind == FormatKind::layered ? layered_report(path, format) : points_report(path, format, options);
     // Names and texts from a file may be of any encoding; JSON is UTF-8.
-    print(options.given("--json") ? report.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n" : info_text(report));
+    const std::string text = report.dump(2, ' ', false, ordered_json::error_handler_t::replace);
+    print(options.given("--json") ? text + "\n" : info_text(text));
     return 0;
 }
 

@@ -141,7 +141,8 @@ std::string with_commas(uint64_t count) {
     return text;
 }
 
-std::string info_text(const ordered_json& report) {
+std::string info_text(const std::string& report_json) {
+    const ordered_json report = ordered_json::parse(report_json);
     Block block;
     block.text_ = printable(report["path"]) + "\n";
     block.row("format", printable(report["detail"]));
