@@ -39,8 +39,6 @@ std::string_view bound_name(BoundBy bound) {
     return "";
 }
 
-nlohmann::ordered_json vector_json(const Vec3d& v) { return {v.x(), v.y(), v.z()}; }
-
 void print_stats(const RenderRequest& request, const RenderReport& report) {
     const RenderSettings& settings = request.settings;
     nlohmann::ordered_json stats = {{"points_drawn", report.points_drawn},
