@@ -9,6 +9,7 @@
 #include "io/byte_source.h"
 #include "io/las/las_source.h"
 #include "io/merged_source.h"
+#include "io/potree/potree_cloud.h"
 
 namespace strata {
 namespace {
@@ -107,7 +108,7 @@ std::unique_ptr<PointSource> open_points(std::span<const std::string> paths) {
 std::unique_ptr<LayeredCloud> open_layered(const std::string& path) {
     const Format& format = identify_format(path);
     if (format.kind != FormatKind::layered) refuse(path, format, "a level-of-detail data set");
-    throw Error(ErrorKind::unsupported, path + ": its reader is not in this build");
+    return open_potree(path);
 }
 
 }  // namespace strata
