@@ -1,5 +1,6 @@
 #include "app/commands/camera_file.h"
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <nlohmann/json.hpp>
 

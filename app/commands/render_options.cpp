@@ -201,7 +201,7 @@ RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
     settings.colormap = options.text("--colormap");
     if (options.given("--range")) {
         const std::vector<double> range = options.numbers("--range", 2);
-        settings.range = ValueRange{range[0], range[1]};
+        settings.range = ColorRange{range[0], range[1]};
     }
 
     const std::vector<Vec3d> points = sample_positions(cloud);
