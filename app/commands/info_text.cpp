@@ -129,7 +129,7 @@ void sampling_rows(const ordered_json& levels, Block& block) {
     bool picked = false;
     for (const ordered_json& level : levels) {
         const auto cell = [&](const char* key, size_t width) { return padded(number_text(level[key], 3), width, true); };
-        std::string line = padded(number_text(level["level"]), 3, true) + padded(number_text(level["spacing"]), 11, true) +
+        std::string line = padded(number_text(level["level"]), 3, true) + cell("spacing", 11) +
                            padded(with_commas(level["kept_points"]), 11, true) + cell("neighbor_min", 8) + cell("neighbor_p5", 8) +
                            cell("neighbor_median", 8) + padded(with_commas(level["removed_points"]), 15, true) +
                            cell("coverage_p99", 8) + cell("coverage_max", 8);
