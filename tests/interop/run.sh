@@ -9,6 +9,6 @@ work=$(mktemp -d) || exit 1
 trap 'rm -rf "$work"' EXIT INT TERM
 set -e
 "$strata" sample "$work/scan.las" --points 200000 --seed 7 --quiet
-"$strata" convert "$work/scan.las" "$work/plain" --format potree --encoding DEFAULT --quiet
-"$strata" convert "$work/scan.las" "$work/brotli" --format potree --encoding BROTLI --quiet
+"$strata" convert "$work/scan.las" "$work/plain" --format potree --encoding default --quiet
+"$strata" convert "$work/scan.las" "$work/brotli" --format potree --encoding brotli --quiet
 node "$here/check_potree.mjs" "$work/plain" "$work/brotli"
