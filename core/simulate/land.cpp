@@ -149,13 +149,13 @@ Shade Land::ground(double x, double y) const {
         float reflectance;
         double furrow;  // metres between rows; 0: none
     };
-    static const std::array<Crop, 8> crops = {{{{0.83f, 0.71f, 0.40f}, 0.45f, 0.0},    // ripe wheat
-                                               {{0.44f, 0.58f, 0.22f}, 0.52f, 0.0},    // young cereal
-                                               {{0.37f, 0.52f, 0.20f}, 0.50f, 0.0},    // meadow
-                                               {{0.37f, 0.52f, 0.20f}, 0.50f, 0.0},
+    static const std::array<Crop, 8> crops = {{{{0.78f, 0.70f, 0.46f}, 0.45f, 0.0},    // ripe wheat
+                                               {{0.47f, 0.56f, 0.30f}, 0.52f, 0.0},    // young cereal
+                                               {{0.41f, 0.50f, 0.26f}, 0.50f, 0.0},    // meadow
+                                               {{0.41f, 0.50f, 0.26f}, 0.50f, 0.0},
                                                {{0.48f, 0.37f, 0.26f}, 0.28f, 1.6},    // ploughed
-                                               {{0.88f, 0.81f, 0.22f}, 0.50f, 0.0},    // rape in flower
-                                               {{0.29f, 0.46f, 0.17f}, 0.48f, 1.5},    // maize
+                                               {{0.83f, 0.77f, 0.34f}, 0.50f, 0.0},    // rape in flower
+                                               {{0.34f, 0.46f, 0.23f}, 0.48f, 1.5},    // maize
                                                {{0.72f, 0.63f, 0.43f}, 0.42f, 2.4}}};  // stubble
     const Crop& crop = crops[plot.id % crops.size()];
     double light = 0.92 + 0.10 * fine + 0.10 * coarse;

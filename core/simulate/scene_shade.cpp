@@ -97,7 +97,7 @@ Shade SceneProbe::shade(const RayHit& hit, const Vec3d& point, const SceneTile* 
         case Part::stone: return {Vec3f(0.72f, 0.69f, 0.62f), 0.45f, kBuilding};
         case Part::pole: return {Vec3f(0.47f, 0.40f, 0.33f) + gray(0.08 * (lattice_value(floor_to_int(point.z() / 0.2), 0, 0, 9) - 0.5)), 0.3f, kTower};
         case Part::trunk: return {Vec3f(0.36f, 0.28f, 0.20f) + gray(0.12 * (smooth_noise(point.z() * 2.0, point.x() * 9.0, 11) - 0.5)), 0.4f, kHighVegetation};
-        case Part::wire: return {Vec3f(0.16f, 0.16f, 0.17f), 0.25f, kWireConductor};
+        case Part::wire: return {Vec3f(0.30f, 0.30f, 0.31f), 0.25f, kWireConductor};
         case Part::leaf: break;
     }
     return {};

@@ -8,7 +8,7 @@ namespace strata {
 namespace {
 
 constexpr double kDensity = 25.0;             // points per square metre from the air
-constexpr double kLeastExtent = 150.0;        // metres
+constexpr double kLeastExtent = 110.0;        // metres
 constexpr double kSwathHalfAngle = 25.0 * std::numbers::pi / 180.0;
 constexpr double kSidelap = 1.3;              // swath over spacing
 constexpr double kWidestSpacing = 250.0;      // of strips, metres
@@ -17,11 +17,12 @@ constexpr double kTurnTime = 90.0;            // s, between strips
 constexpr double kFirstTime = 400'000'000.0;  // adjusted standard GPS time
 constexpr uint64_t kBlockPulses = 32768;
 constexpr double kMargin = 1.006;              // pulses planned over those that the pilot beams ask for
-constexpr double kLowestBeam = -60.0 * std::numbers::pi / 180.0;  // elevation; the tripod hides what is below
+constexpr double kLowestBeam = -45.0 * std::numbers::pi / 180.0;  // elevation; the tripod hides what is below
 constexpr double kStationTime = 240.0;        // s for a whole turn
 constexpr double kEyeHeight = 1.85;           // metres
 constexpr uint64_t kStationPoints = 20'000'000;
 constexpr uint16_t kFirstStationId = 5001;
+constexpr uint64_t kPilotStream = 0x70696c6f74u;  // apart from the strips' numbers
 
 uint64_t pulse_seed(uint64_t seed, uint64_t part, uint64_t line, uint64_t pulse) {
     return mix_bits(seed ^ mix_bits(part ^ mix_bits(line ^ mix_bits(pulse))));
@@ -74,22 +75,22 @@ void Survey::plan_strips(BeamScanner& scanner, uint64_t points) {
     strips.altitude = ground + height;
     part.beam = {.noise = settings_.noise, .beam_radius = 0.05, .reference_range = height};
 
-    // Pilot beams: short lines all over the square tell how many echoes a pulse gives here.
-    constexpr uint64_t kPilotLines = 640, kPilotPulses = 64;
+    // Pilot beams, evenly spread along every strip and over its width, tell how many echoes a pulse gives here.
+    constexpr uint64_t kPilotPulses = 40'000;
+    constexpr double kGoldenTurn = 0.6180339887498949;
+    const uint64_t pulses_per_strip = std::max<uint64_t>(64, kPilotPulses / strips.strips);
     std::vector<ScanPoint> echoes;
     uint64_t echo_count = 0;
-    for (uint64_t line = 0; line < kPilotLines; ++line) {
-        const uint64_t strip = line * strips.strips / kPilotLines;
-        Random random(pulse_seed(settings_.seed, 0x70696c6f74u, line, 0));
-        const double along = std::fmod((double(line) * double(strips.strips) / kPilotLines + random.uniform() / 8.0) , 1.0) * extent_;
-        for (uint64_t i = 0; i < kPilotPulses; ++i) {
-            const double angle = kSwathHalfAngle * (2.0 * (double(i) + random.uniform()) / kPilotPulses - 1.0);
+    for (uint64_t strip = 0; strip < strips.strips; ++strip)
+        for (uint64_t i = 0; i < pulses_per_strip; ++i) {
+            const double along = (double(i) + 0.5) / double(pulses_per_strip) * extent_;
+            const double across = double(i) * kGoldenTurn - double(floor_to_int(double(i) * kGoldenTurn));
             echoes.clear();
-            scanner.fire(strip_ray(strips, strip, along, angle, 0.0), part.beam, random.bits(), {}, echoes);
+            const Ray ray = strip_ray(strips, strip, along, kSwathHalfAngle * (2.0 * across - 1.0), 0.0);
+            scanner.fire(ray, part.beam, pulse_seed(settings_.seed, kPilotStream, strip, i), {}, echoes);
             echo_count += echoes.size();
         }
-    }
-    const double echoes_per_pulse = std::max(0.2, double(echo_count) / double(kPilotLines * kPilotPulses));
+    const double echoes_per_pulse = std::max(0.2, double(echo_count) / double(strips.strips * pulses_per_strip));
     const double pulses = kMargin * double(points) / echoes_per_pulse;
     const double spacing = std::sqrt(extent_ * strips.swath * double(strips.strips) / pulses);
     strips.pulses = std::max<uint64_t>(4, uint64_t(std::ceil(strips.swath / spacing)));
@@ -130,7 +131,7 @@ void Survey::plan_stations(BeamScanner& scanner, uint64_t points) {
         station.eye = eyes[i];
         constexpr uint64_t kPilotPulses = 6000;
         constexpr double kHighest = 0.5 * std::numbers::pi;
-        Random random(pulse_seed(settings_.seed, 0x70696c6f74u, i, 1));
+        Random random(pulse_seed(settings_.seed, kPilotStream, i, 1));
         std::vector<ScanPoint> echoes;
         for (uint64_t pulse = 0; pulse < kPilotPulses; ++pulse)
             scanner.fire(station_ray(station, 2.0 * std::numbers::pi * double(pulse) / kPilotPulses, random.uniform(kLowestBeam, kHighest)), part.beam, random.bits(), {}, echoes);

@@ -51,7 +51,7 @@ struct SurveyPart {
 };
 
 /// Plans a survey with exactly `points` points: about 25 to the square metre from the air (less on the smallest scenes, which
-/// are never below 150 m wide), so the scene grows with the count.
+/// are never below 110 m wide), so the scene grows with the count.
 class Survey {
 public:
     /// Casts some thousand pilot beams to learn how many echoes a pulse gives.

@@ -142,7 +142,6 @@ TEST(SceneProbe, TraceAgreesWithSphereTracing) {
         }
         if (grazing) continue;
         ++compared;
-        if (!path.hard.found()) EXPECT_GT(t, kFarthest);
         // 1e-7 from a surface that is met at more than 1e-3 rad; the sky is farther than the farthest.
         EXPECT_NEAR(std::min(t, kFarthest), std::min(path.hard.distance, kFarthest), 1e-4) << "ray " << i;
     }
