@@ -1,12 +1,14 @@
 #include "app/options.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <deque>
 #include <fstream>
 #include <iostream>
 
+#include "app/help.h"
 #include "app/version.h"
 #include "core/error.h"
 #include "core/parallel.h"
@@ -32,6 +34,76 @@ uint64_t available_memory_bytes() {
         if (line.starts_with("MemAvailable:")) return std::stoull(line.substr(13)) * 1024;
     return uint64_t{2} << 30;
 }
+
+Error unknown_command(std::span<const Command> commands, const std::string& name) {
+    std::vector<std::string_view> names;
+    for (const Command& command : commands) names.push_back(command.name);
+    return {ErrorKind::usage, "unknown command '" + name + "'" + suggestion(name, names)};
+}
+
+/// One subcommand's table, handed to CLI11, and what CLI11 read for it.
+class CommandParser {
+public:
+    CommandParser(CLI::App& program, const Command& command)
+        : command_(command), app_(program.add_subcommand(std::string(command.name))) {
+        app_->formatter_fn(
+            [&](const CLI::App*, const std::string&, CLI::AppFormatMode) { return command_help(command_); });
+        // Counted in run(), where the message can say what the words are.
+        app_->add_option("words", options_.positional)->expected(0, 1 << 29);
+        for (const OptionRow& row : command.rows) {
+            const std::string names =
+                row.letter.empty() ? std::string(row.flag) : std::string(row.letter) + "," + std::string(row.flag);
+            if (!row.initial.empty()) options_.initials[std::string(row.flag)] = row.initial;
+            if (row.value.empty())
+                app_->add_flag(names)->disable_flag_override();
+            else
+                app_->add_option(names, texts_.emplace_back())->type_name(std::string(row.value));
+        }
+    }
+
+    bool chosen() const { return app_->parsed(); }
+
+    /// Throws the Error that says in our words what CLI11 did not accept, when it was in this command's words.
+    void explain(const CLI::ParseError& problem) const {
+        if (!chosen()) return;
+        const std::string place = std::string(command_.name) + ": ";
+        for (const std::string& word : app_->remaining()) {
+            std::vector<std::string_view> flags = {"--help"};
+            for (const OptionRow& row : command_.rows) flags.push_back(row.flag);
+            throw Error(ErrorKind::usage,
+                        place + "unknown option " + word + suggestion(word.substr(0, word.find('=')), flags));
+        }
+        for (const OptionRow& row : command_.rows) {
+            if (dynamic_cast<const CLI::ArgumentMismatch*>(&problem) == nullptr) break;
+            const size_t times = app_->count(std::string(row.flag));
+            if (!std::string_view(problem.what()).starts_with(std::string(row.flag) + ":")) continue;
+            if (times > 1) throw Error(ErrorKind::usage, place + std::string(row.flag) + ": given more than once");
+            throw Error(ErrorKind::usage,
+                        place + std::string(row.flag) + ": expected " + std::string(row.value) + ", got nothing");
+        }
+        throw Error(ErrorKind::usage, place + problem.what());
+    }
+
+    int run() {
+        const size_t words = options_.positional.size();
+        if (words < command_.least_positional || words > command_.most_positional)
+            throw Error(ErrorKind::usage,
+                        std::string(command_.name) + ": expected " + std::string(command_.positional) + ", got " +
+                            (words == 0 ? "nothing" : std::to_string(words) + (words == 1 ? " word" : " words")));
+        for (const OptionRow& row : command_.rows) {
+            const CLI::Option& option = *app_->get_option(std::string(row.flag));
+            if (option.count() > 0)
+                options_.values[std::string(row.flag)] = row.value.empty() ? "1" : option.results().back();
+        }
+        return command_.run(options_);
+    }
+
+private:
+    const Command& command_;
+    CLI::App* app_;
+    Options options_;
+    std::deque<std::string> texts_;
+};
 
 }  // namespace
 
@@ -91,58 +163,26 @@ uint64_t memory_cap(const Options& options) {
 }
 
 int run_command_line(std::span<const Command> commands, int argc, const char* const* argv) {
-    CLI::App program("strata: layered point clouds, voxels and pictures from scans of any size", "strata");
+    CLI::App program;
     program.require_subcommand(1);
     program.set_version_flag("--version", "strata " STRATA_VERSION);
+    program.formatter_fn(
+        [&](const CLI::App*, const std::string&, CLI::AppFormatMode) { return program_help(commands); });
 
-    struct Parsed {
-        const Command* command;
-        CLI::App* app;
-        Options options;
-        std::deque<std::pair<const OptionRow*, std::string>> texts;
-        std::deque<std::pair<const OptionRow*, bool>> switches;
-    };
-    std::deque<Parsed> parsed;
-    for (const Command& command : commands) {
-        Parsed& entry = parsed.emplace_back();
-        entry.command = &command;
-        entry.app = program.add_subcommand(std::string(command.name), std::string(command.summary));
-        if (command.most_positional > 0) {
-            auto* words = entry.app->add_option(std::string(command.positional), entry.options.positional);
-            words->type_name("")->expected(int(command.least_positional),
-                                           command.most_positional > 4096 ? 1 << 29 : int(command.most_positional));
-            if (command.least_positional > 0) words->required();
-        }
-        for (const OptionRow& row : command.rows) {
-            const std::string names = row.letter.empty() ? std::string(row.flag) : std::string(row.letter) + "," + std::string(row.flag);
-            if (row.value.empty()) {
-                auto& [_, value] = entry.switches.emplace_back(&row, false);
-                entry.app->add_flag(names, value, std::string(row.help));
-                continue;
-            }
-            auto& [_, value] = entry.texts.emplace_back(&row, std::string());
-            auto* option = entry.app->add_option(names, value, std::string(row.help))->type_name(std::string(row.value));
-            if (!row.initial.empty()) {
-                option->default_str(std::string(row.initial));
-                entry.options.initials[std::string(row.flag)] = std::string(row.initial);
-            }
-        }
-    }
+    std::deque<CommandParser> parsers;  // a deque: CLI11 keeps pointers into them
+    for (const Command& command : commands) parsers.emplace_back(program, command);
     try {
         program.parse(argc, argv);
     } catch (const CLI::ParseError& problem) {
         if (problem.get_exit_code() == 0) return program.exit(problem);  // help and version
-        throw Error(ErrorKind::usage, problem.what());
+        if (argc > 1 && argv[1][0] == '-')
+            throw Error(ErrorKind::usage, "unknown option " + std::string(argv[1]) + " before the command");
+        for (const CommandParser& parser : parsers) parser.explain(problem);
+        throw argc > 1 ? unknown_command(commands, argv[1]) : Error(ErrorKind::usage, "no command given");
     }
-    for (Parsed& entry : parsed) {
-        if (!entry.app->parsed()) continue;
-        for (const auto& [row, value] : entry.texts)
-            if (entry.app->count(std::string(row->flag)) > 0) entry.options.values[std::string(row->flag)] = value;
-        for (const auto& [row, value] : entry.switches)
-            if (value) entry.options.values[std::string(row->flag)] = "1";
-        return entry.command->run(entry.options);
-    }
-    throw Error(ErrorKind::usage, "no command given");
+    const auto chosen =
+        std::find_if(parsers.begin(), parsers.end(), [](const CommandParser& parser) { return parser.chosen(); });
+    return chosen->run();  // one is: it was required
 }
 
 }  // namespace strata

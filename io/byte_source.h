@@ -26,13 +26,19 @@ public:
 
     /// Fills all of `out` from `offset`. throws Error{malformed} beyond the end, Error{io} when reading fails
     virtual void read(uint64_t offset, std::span<std::byte> out) const = 0;
-    /// Reads many ranges, neighbours in one request.
+    /// Fills every range, neighbours in one request. Costs least when the ranges come in the order of their offsets.
+    /// throws  as read does
     virtual void read_many(std::span<const ByteRange> ranges) const {
         for (const ByteRange& range : ranges) read(range.offset, range.out);
     }
+    /// Says that a range will be read soon, and returns at once: the source may fetch it meanwhile. Never fails.
+    virtual void prefetch(uint64_t offset, uint64_t size) const { (void)offset, (void)size; }
 };
 
 /// throws  Error{not_found, io}, naming the path
 std::unique_ptr<ByteSource> open_file(const std::string& path);
+
+/// Bytes in memory, called `name` in messages.
+std::unique_ptr<ByteSource> memory_source(std::string name, std::vector<std::byte> bytes);
 
 }  // namespace strata

@@ -1,17 +1,157 @@
+// strata convert: scans to level-of-detail data sets.
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
 #include "app/commands/commands.h"
+#include "app/progress.h"
 #include "core/error.h"
+#include "core/octree/octree_builder.h"
+#include "io/format.h"
+#include "io/potree/potree_writer.h"
+#include "io/scratch_file.h"
 
 namespace strata {
 namespace {
 
-constexpr OptionRow kRows[] = {shared_option::kThreads, shared_option::kQuiet};
+namespace fs = std::filesystem;
 
-int run(const Options&) { throw Error(ErrorKind::unsupported, "convert: not built yet"); }
+constexpr OptionRow kRows[] = {
+    {"--format", "-f", "FORMAT", "potree", "format of OUT"},
+    {"--encoding", "-e", "default|brotli", "default", "potree: plain records, or smaller and slower"},
+    {"--quality", "", "0...11", "3", "effort of the brotli encoding; the user guide has its size and time"},
+    {"--no-sync", "", "", "", "do not wait until the output is on the disk; a power cut may lose it"},
+    shared_option::kMemory,
+    shared_option::kThreads,
+    shared_option::kOverwrite,
+    shared_option::kJson,
+    shared_option::kQuiet,
+};
+
+// A folder stands for the point files in it, in the order of their names.
+std::vector<std::string> input_files(std::span<const std::string> words) {
+    std::vector<std::string> files;
+    for (const std::string& word : words) {
+        std::error_code problem;
+        if (!fs::is_directory(word, problem) || identify_format(word).kind == FormatKind::layered) {
+            files.push_back(word);
+            continue;
+        }
+        const size_t before = files.size();
+        for (const fs::directory_entry& entry : fs::directory_iterator(word)) {
+            std::string ending = entry.path().extension().string();
+            std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+            if (ending == ".las") files.push_back(entry.path().string());
+        }
+        if (files.size() == before) throw Error(ErrorKind::not_found, word + ": no .las files in this folder");
+        std::sort(files.begin() + ptrdiff_t(before), files.end());
+    }
+    return files;
+}
+
+// With --overwrite the earlier folder goes, and an input inside would go with it.
+void check_inputs_outside(std::span<const std::string> inputs, const std::string& output) {
+    std::error_code problem;
+    const fs::path folder = fs::weakly_canonical(output, problem);
+    for (const std::string& input : inputs) {
+        const fs::path path = fs::weakly_canonical(input, problem);
+        const auto [end, _] = std::mismatch(folder.begin(), folder.end(), path.begin(), path.end());
+        if (end == folder.end()) throw Error(ErrorKind::io, output + ": the input " + input + " lies inside the output");
+    }
+}
+
+double gibibytes(uint64_t bytes) { return double(bytes) / double(1 << 30); }
+
+// The disk must hold what a build writes beside what is there already.
+void check_disk(const std::string& output, const BuildEstimate& estimate) {
+    const fs::path parent = fs::absolute(output).parent_path();
+    const uint64_t needed = estimate.record_bytes + estimate.temporary_bytes;
+    const uint64_t free = free_disk_bytes(parent.string());
+    if (needed > free)
+        throw Error(ErrorKind::io, output + ": about " + std::to_string(needed >> 20) + " MiB of disk are needed, " +
+                                       std::to_string(free >> 20) + " MiB are free");
+}
+
+PotreeWriteSettings write_settings(const Options& options) {
+    PotreeWriteSettings settings;
+    const std::string encoding = options.text("--encoding");
+    if (encoding != "default" && encoding != "brotli")
+        throw Error(ErrorKind::usage, "--encoding: expected default or brotli, got '" + encoding + "'");
+    settings.encoding = encoding == "brotli" ? PotreeEncoding::brotli : PotreeEncoding::plain;
+    settings.brotli_quality = int(options.integer("--quality", 0, 11));
+    settings.overwrite = options.given("--overwrite");
+    settings.durability = options.given("--no-sync") ? Durability::unsynced : Durability::synced;
+    return settings;
+}
+
+uint64_t peak_memory_bytes() {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return uint64_t(usage.ru_maxrss) * 1024;
+}
+
+int run(const Options& options) {
+    if (options.text("--format") != "potree")
+        throw Error(ErrorKind::usage, "--format: expected potree, got '" + options.text("--format") + "'");
+    const std::string output = options.positional.back();
+    const std::vector<std::string> inputs = input_files(std::span(options.positional).first(options.positional.size() - 1));
+    const bool quiet = options.given("--quiet") || options.given("--json");
+    check_inputs_outside(inputs, output);
+    const std::unique_ptr<PointSource> source = open_points(inputs);
+
+    BuildSettings settings;
+    settings.threads = thread_count(options);
+    settings.memory_bytes = memory_cap(options);
+    const BuildEstimate estimate = estimate_build(source->info(), settings);
+    check_disk(output, estimate);
+    if (!quiet) {
+        std::fprintf(stderr, "%llu points: at most %.2f GiB memory, %.2f GiB temporary, %.2f GiB output\n",
+                     static_cast<unsigned long long>(source->info().points), gibibytes(estimate.memory_bytes),
+                     gibibytes(estimate.temporary_bytes), gibibytes(estimate.record_bytes));
+    }
+    ProgressLine progress(quiet);
+    settings.on_progress = [&](const BuildProgress& p) { progress.update(p.stage, p.done, p.total); };
+
+    const auto start = std::chrono::steady_clock::now();
+    const auto writer = make_potree_writer(output, write_settings(options));
+    const auto scratch = make_scratch_file(fs::absolute(output).parent_path().string());
+    const BuildReport report = build_octree(*source, settings, scratch.get(), *writer);
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    progress.clear();
+
+    if (options.given("--json")) {
+        const nlohmann::ordered_json json = {{"points_read", report.points_read},
+                                             {"points_written", report.points_written},
+                                             {"points_dropped", report.points_read - report.points_written},
+                                             {"nodes", report.nodes},
+                                             {"levels", report.levels},
+                                             {"seconds", seconds},
+                                             {"peak_memory_bytes", peak_memory_bytes()},
+                                             {"temporary_bytes", report.temporary_bytes},
+                                             {"output_bytes", writer->output_bytes()},
+                                             {"worst_rounding", report.worst_rounding}};
+        std::printf("%s\n", json.dump(2).c_str());
+    } else if (!quiet) {
+        std::fprintf(stderr, "%s: %llu points in %llu nodes on %d levels, %.2f GiB, %.1f s (%.1f M points/s)\n", output.c_str(),
+                     static_cast<unsigned long long>(report.points_written), static_cast<unsigned long long>(report.nodes),
+                     report.levels, gibibytes(writer->output_bytes()), seconds, double(report.points_written) / seconds / 1e6);
+    }
+    return 0;
+}
 
 }  // namespace
 
 Command convert_command() {
-    return {.name = "convert", .summary = "scans to level-of-detail data sets", .positional = "IN... OUT", .least_positional = 2, .rows = kRows, .run = run};
+    return {.name = "convert",
+            .summary = "scans to level-of-detail data sets",
+            .positional = "IN... OUT",
+            .least_positional = 2,
+            .rows = kRows,
+            .run = run};
 }
 
 }  // namespace strata

@@ -1,17 +1,145 @@
+// strata info: one report as JSON; its text is the same report laid out for people.
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
 #include "app/commands/commands.h"
+#include "app/commands/info_text.h"
+#include "core/cloud/cloud_statistics.h"
 #include "core/error.h"
+#include "io/format.h"
+#include "io/las/las_source.h"
 
 namespace strata {
 namespace {
 
-constexpr OptionRow kRows[] = {shared_option::kThreads, shared_option::kQuiet};
+using nlohmann::ordered_json;
 
-int run(const Options&) { throw Error(ErrorKind::unsupported, "info: not built yet"); }
+constexpr OptionRow kRows[] = {
+    {"--exact", "-x", "", "", "read every point: true bounds and ranges, counts by return and class; says where the header lies"},
+    shared_option::kJson,
+    shared_option::kThreads,
+};
+
+ordered_json vector_json(const Vec3d& v) { return {v.x(), v.y(), v.z()}; }  // NaN and infinity become null
+
+ordered_json box_json(const Box3d& box) {
+    if (box.empty()) return {{"min", nullptr}, {"max", nullptr}};
+    return {{"min", vector_json(box.min)}, {"max", vector_json(box.max)}};
+}
+
+// What every format says of itself.
+ordered_json cloud_json(const std::string& path, const Format& format, const CloudInfo& info) {
+    ordered_json report = {{"path", path}, {"format", format.name}, {"detail", info.format}, {"points", info.points},
+                           {"bounds", box_json(info.bounds)}, {"scale", vector_json(info.quantization.scale)},
+                           {"offset", vector_json(info.quantization.offset)}, {"crs", nullptr}};
+    if (!info.crs.empty()) report["crs"] = info.crs;
+    report["attributes"] = ordered_json::array();
+    for (const Attribute& attribute : info.attributes) {
+        ordered_json entry = {{"name", attribute.name}, {"type", scalar_name(attribute.type)}, {"components", attribute.components},
+                              {"min", nullptr}, {"max", nullptr}};
+        if (!attribute.description.empty()) entry["description"] = attribute.description;
+        report["attributes"].push_back(std::move(entry));
+    }
+    if (!info.notes.empty()) report["notes"] = info.notes;
+    return report;
+}
+
+ordered_json counts_json(std::span<const uint64_t> counts) {
+    ordered_json json = ordered_json::object();
+    for (size_t i = 0; i < counts.size(); ++i)
+        if (counts[i] > 0) json[std::to_string(i)] = counts[i];
+    return json;
+}
+
+void range_json(const std::vector<ValueRange>& ranges, ordered_json& entry) {
+    ordered_json low = ordered_json::array(), high = ordered_json::array();
+    for (const ValueRange& range : ranges) {
+        low.push_back(range.empty() ? ordered_json() : ordered_json(range.min));
+        high.push_back(range.empty() ? ordered_json() : ordered_json(range.max));
+    }
+    entry["min"] = ranges.size() == 1 ? low[0] : low;
+    entry["max"] = ranges.size() == 1 ? high[0] : high;
+}
+
+std::vector<std::string> header_lies(const PointSource& source, const CloudStatistics& truth) {
+    std::vector<std::string> lies;
+    const CloudInfo& info = source.info();
+    for (int axis = 0; axis < 3 && truth.points > 0; ++axis) {
+        const double step = info.quantization.scale[axis] * (1.0 + 1e-6);  // a header may be rounded to the scale
+        for (const bool low : {true, false}) {
+            const double stated = low ? info.bounds.min[axis] : info.bounds.max[axis];
+            const double found = low ? truth.bounds.min[axis] : truth.bounds.max[axis];
+            if (std::abs(stated - found) <= step) continue;
+            char line[160];
+            std::snprintf(line, sizeof line, "the header's %s %c is %.10g, that of the points %.10g", low ? "least" : "greatest", "xyz"[axis],
+                          stated, found);
+            lies.push_back(line);
+        }
+    }
+    const LasSource* const las = dynamic_cast<const LasSource*>(&source);
+    for (size_t i = 0; las && i < las->header().points_by_return.size(); ++i)
+        if (const uint64_t stated = las->header().points_by_return[i]; stated != truth.points_by_return[i + 1])
+            lies.push_back("the header counts " + with_commas(stated) + " points of return " + std::to_string(i + 1) + ", there are " +
+                           with_commas(truth.points_by_return[i + 1]));
+    return lies;
+}
+
+void add_exact(const PointSource& source, int threads, ordered_json& report) {
+    const CloudStatistics truth = measure_cloud(source, threads);
+    report["bounds"] = box_json(truth.bounds);
+    report["header_bounds"] = box_json(source.info().bounds);
+    for (size_t a = 0; a < truth.ranges.size(); ++a) range_json(truth.ranges[a], report["attributes"][a]);
+    if (find_attribute(source.info().attributes, attribute_name::kRgb) >= 0) report["rgb_bits"] = truth.rgb_bits;
+    report["points_by_return"] = counts_json(truth.points_by_return);
+    report["points_by_class"] = counts_json(truth.points_by_class);
+    if (const std::vector<std::string> lies = header_lies(source, truth); !lies.empty()) report["warnings"] = lies;
+}
+
+ordered_json points_report(const std::string& path, const Format& format, const Options& options) {
+    const std::unique_ptr<PointSource> source = open_points({&path, 1});
+    ordered_json report = cloud_json(path, format, source->info());
+    if (options.given("--exact")) add_exact(*source, thread_count(options), report);
+    return report;
+}
+
+ordered_json layered_report(const std::string& path, const Format& format) {
+    const std::unique_ptr<LayeredCloud> cloud = open_layered(path);
+    std::vector<uint64_t> points_per_level;
+    for (NodeId id = 0; id < cloud->node_count(); ++id) {
+        if (cloud->node(id).children_pending) cloud->load_children(id);
+        const LayeredNode& node = cloud->node(id);
+        if (points_per_level.size() <= node.key.level) points_per_level.resize(node.key.level + 1);
+        points_per_level[node.key.level] += node.points;
+    }
+    ordered_json report = cloud_json(path, format, cloud->info());
+    report["nodes"] = cloud->node_count();
+    report["levels"] = points_per_level.size();
+    report["spacing"] = cloud->node_count() > 0 ? cloud->node(cloud->root()).spacing : 0.0;
+    report["points_per_level"] = points_per_level;
+    return report;
+}
+
+void print(const std::string& text) {
+    if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
+        throw Error(ErrorKind::io, "standard output: the report could not be written");
+}
+
+int run(const Options& options) {
+    const std::string& path = options.positional.front();
+    const Format& format = identify_format(path);
+    const ordered_json report = format.kind == FormatKind::layered ? layered_report(path, format) : points_report(path, format, options);
+    // Names and texts from a file may be of any encoding; JSON is UTF-8.
+    const std::string text = report.dump(2, ' ', false, ordered_json::error_handler_t::replace);
+    print(options.given("--json") ? text + "\n" : info_text(text));
+    return 0;
+}
 
 }  // namespace
 
 Command info_command() {
-    return {.name = "info", .summary = "what a file or data set is, and whether it is whole", .positional = "PATH", .least_positional = 1, .rows = kRows, .run = run};
+    return {.name = "info", .summary = "what a file or data set is, and whether it is whole", .positional = "PATH",
+            .least_positional = 1, .most_positional = 1, .rows = kRows, .run = run};
 }
 
 }  // namespace strata

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,6 +26,7 @@ struct Attribute {
     int components = 1;  // 3 for rgb
     double scale = 1.0;  // value = stored * scale + offset; 1 and 0 unless extra bytes say otherwise
     double offset = 0.0;
+    double no_data = std::numeric_limits<double>::quiet_NaN();  // the stored value that stands for "none"; NaN: there is no such value
 
     size_t size_bytes() const { return scalar_size(type) * size_t(components); }  // of one point
 };

@@ -19,7 +19,9 @@ struct CloudInfo {
     Box3d bounds;  // world; as the header states it, so it may lie
     Quantization quantization;
     std::vector<Attribute> attributes;
+    std::vector<std::vector<double>> attribute_min, attribute_max;  // [attribute][component] stored values, as stated; empty: unknown
     std::string crs;  // WKT, or "EPSG:n" from GeoTIFF keys; empty: unknown
+    std::vector<std::string> notes;  // what the reader left out or found odd but not wrong; a line each
 };
 
 /// Points of any file, readable in batches in any order. The format's reader implements it in io.

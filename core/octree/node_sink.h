@@ -16,7 +16,9 @@ namespace strata {
 /// The cloud that is being built, as far as it is known once every point was read.
 struct BuiltCloud {
     uint64_t points = 0;
-    Quantization quantization;  // of the source; records hold source quanta - min_quanta
+    Quantization quantization;         // scale of the records' quanta; offset of the source
+    Quantization source_quantization;  // record quanta = (source quanta - min_quanta) >> coarsening_bits, rounded
+    int coarsening_bits = 0;           // 0 unless the extent takes more than 31 bits
     Vec3i min_quanta = Vec3i::Zero(), max_quanta = Vec3i::Zero();  // tight, source quanta
     double cube_side = 0.0;  // world units; the root cube's lowest corner is at min_quanta
     double spacing = 0.0;    // of the root, world units

@@ -1,0 +1,165 @@
+#include "app/commands/info_text.h"
+
+#include <algorithm>
+#include <array>
+#include <cinttypes>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+namespace strata {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr size_t kLabelWidth = 14;
+
+// ASPRS classes, LAS 1.4 R15, table 17.
+constexpr std::array<std::string_view, 19> kClassNames = {
+    "never classified", "unassigned", "ground", "low vegetation", "medium vegetation", "high vegetation", "building", "low noise",
+    "model key point", "water", "rail", "road", "overlap", "wire guard", "wire", "tower", "connector", "bridge", "high noise"};
+
+// Text from a file is data: nothing in it may move the cursor or hide a line.
+std::string printable(const std::string& text) {
+    std::string clean = text;
+    for (char& c : clean)
+        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+    return clean;
+}
+
+std::string number_text(const ordered_json& value, int decimals = -1) {
+    if (!value.is_number()) return "-";
+    if (value.is_number_integer()) return std::to_string(value.get<int64_t>());
+    char text[64];
+    if (decimals >= 0 && std::abs(value.get<double>()) < 1e15)
+        std::snprintf(text, sizeof text, "%.*f", decimals, value.get<double>());
+    else
+        std::snprintf(text, sizeof text, "%.10g", value.get<double>());
+    return text;
+}
+
+std::string padded(const std::string& text, size_t width, bool right = false) {
+    const std::string blanks(width > text.size() ? width - text.size() : 0, ' ');
+    return right ? blanks + text : text + blanks;
+}
+
+class Block {
+public:
+    void row(const std::string& label, const std::string& line) {
+        text_ += "  " + padded(label == last_ ? "" : label, kLabelWidth) + line + "\n";
+        last_ = label;
+    }
+    std::string text_;
+
+private:
+    std::string last_;
+};
+
+// Decimals that show one step of the scale: 2 for 0.01.
+int decimals_of(const ordered_json& scale, size_t axis) {
+    if (!scale.is_array() || scale.size() != 3 || !scale[axis].is_number()) return -1;
+    return std::clamp(int(std::ceil(-std::log10(scale[axis].get<double>()) - 1e-9)), 0, 12);
+}
+
+void bounds_rows(const ordered_json& report, Block& block) {
+    const ordered_json& bounds = report["bounds"];
+    if (!bounds["min"].is_array()) return;
+    for (size_t axis = 0; axis < 3; ++axis) {
+        const int decimals = decimals_of(report["scale"], axis);
+        const ordered_json &low = bounds["min"][axis], &high = bounds["max"][axis];
+        std::string line = std::string(1, "xyz"[axis]) + " " + padded(number_text(low, decimals), 15, true) + " .. " +
+                           padded(number_text(high, decimals), 15, true);
+        if (low.is_number() && high.is_number())
+            line += "   " + padded(number_text(high.get<double>() - low.get<double>(), decimals), 12, true) + " long";
+        block.row("bounds", line);
+    }
+}
+
+void vector_row(const ordered_json& report, const char* key, Block& block) {
+    if (!report.contains(key)) return;
+    std::string line;
+    for (const ordered_json& value : report[key]) line.append(line.empty() ? "" : "  ").append(number_text(value));
+    block.row(key, line);
+}
+
+// WKT begins with the kind and the name of the system, PROJCS["NAD83 / UTM zone 15N",...; the rest fills a screen.
+std::string crs_text(const std::string& crs) {
+    const size_t bracket = crs.find_first_of("[(");
+    const size_t begin = crs.find('"'), end = crs.find('"', begin == std::string::npos ? begin : begin + 1);
+    if (crs.size() < 80 || bracket == std::string::npos || end == std::string::npos) return printable(crs);
+    return printable(crs.substr(begin + 1, end - begin - 1)) + "  (WKT of " + std::to_string(crs.size()) + " bytes)";
+}
+
+std::string range_text(const ordered_json& values) {
+    if (!values.is_array()) return number_text(values);
+    std::string line;
+    for (size_t i = 0; i < values.size() && i < 4; ++i) line.append(i ? " " : "").append(number_text(values[i]));
+    return values.size() > 4 ? line + " ..." : line;
+}
+
+void attribute_rows(const ordered_json& attributes, Block& block) {
+    size_t width = 4;
+    for (const ordered_json& attribute : attributes) width = std::max(width, attribute["name"].get_ref<const std::string&>().size());
+    for (const ordered_json& attribute : attributes) {
+        const int64_t components = attribute.value("components", int64_t{1});
+        std::string line = padded(printable(attribute["name"]), width + 2) +
+                           padded(attribute["type"].get<std::string>() + (components > 1 ? " x " + std::to_string(components) : ""), 13);
+        if (!attribute["min"].is_null()) line += range_text(attribute["min"]) + " .. " + range_text(attribute["max"]);
+        block.row("attributes", line.substr(0, line.find_last_not_of(' ') + 1));
+    }
+}
+
+void share_rows(const ordered_json& counts, const char* label, bool classes, Block& block) {
+    uint64_t sum = 0;
+    for (const ordered_json& count : counts) sum += count.get<uint64_t>();
+    for (const auto& [key, count] : counts.items()) {
+        char share[32];
+        std::snprintf(share, sizeof share, "%6.2f %%", 100.0 * count.get<double>() / double(sum));
+        const size_t number = size_t(std::stoul(key));
+        std::string line = padded(key, 3, true) + padded(with_commas(count), 16, true) + "  " + share;
+        if (classes && number < kClassNames.size()) line += "  " + std::string(kClassNames[number]);
+        block.row(label, line);
+    }
+}
+
+void layer_rows(const ordered_json& report, Block& block) {
+    if (report.contains("nodes")) block.row("nodes", with_commas(report["nodes"]));
+    if (report.contains("spacing") && report["spacing"].is_number()) block.row("spacing", number_text(report["spacing"]));
+    if (report.contains("points_per_level")) {
+        size_t level = 0;
+        for (const ordered_json& count : report["points_per_level"])
+            block.row("levels", padded(std::to_string(level++), 3, true) + padded(with_commas(count), 16, true));
+    }
+    if (report.contains("valid")) block.row("valid", report["valid"].get<bool>() ? "yes" : "no");
+}
+
+}  // namespace
+
+std::string with_commas(uint64_t count) {
+    std::string text = std::to_string(count);
+    for (int at = int(text.size()) - 3; at > 0; at -= 3) text.insert(size_t(at), 1, ',');
+    return text;
+}
+
+std::string info_text(const std::string& report_json) {
+    const ordered_json report = ordered_json::parse(report_json);
+    Block block;
+    block.text_ = printable(report["path"]) + "\n";
+    block.row("format", printable(report["detail"]));
+    block.row("points", with_commas(report["points"]));
+    bounds_rows(report, block);
+    vector_row(report, "scale", block);
+    vector_row(report, "offset", block);
+    if (report["crs"].is_string()) block.row("crs", crs_text(report["crs"]));
+    layer_rows(report, block);
+    if (report.contains("rgb_bits") && report["rgb_bits"] != 0) block.row("rgb", std::to_string(report["rgb_bits"].get<int>()) + " of 16 bits used");
+    attribute_rows(report["attributes"], block);
+    if (report.contains("points_by_return")) share_rows(report["points_by_return"], "returns", false, block);
+    if (report.contains("points_by_class")) share_rows(report["points_by_class"], "classes", true, block);
+    for (const char* const key : {"notes", "warnings"})
+        if (report.contains(key))
+            for (const ordered_json& line : report[key]) block.row(key, printable(line));
+    return block.text_;
+}
+
+}  // namespace strata

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/error.h"
+#include "core/octree/partition.h"
+#include "core/octree/scratch_store.h"
+
+namespace strata {
+
+/// For a source that gives other points, or other counts, when it is read again.
+Error changed_source();
+
+/// The points sorted into chunks, each at its own range of one block of memory or of one scratch store. The counts are
+/// exact, so nothing is wasted and nothing moves. Records of a chunk arrive in any order.
+class ChunkStore {
+public:
+    /// scratch  nullptr: keep the records in memory
+    ChunkStore(const Partition& partition, size_t record_size, ScratchStore* scratch);
+
+    /// Adds records to a chunk. Thread-safe. throws Error{malformed} when there are more than were counted
+    void add(uint32_t chunk, std::span<const std::byte> records);
+    /// Reads a whole chunk. throws Error{malformed} when there are fewer than were counted
+    void load(uint32_t chunk, std::vector<std::byte>& records) const;
+    /// The chunk will not be loaded again.
+    void discard(uint32_t chunk);
+
+    uint64_t size_bytes() const { return begin_.back(); }
+
+private:
+    ScratchStore* scratch_;
+    std::vector<uint64_t> begin_;                     // [chunks + 1] bytes
+    std::unique_ptr<std::atomic<uint64_t>[]> used_;   // [chunks] bytes
+    std::unique_ptr<std::byte[]> memory_;
+};
+
+}  // namespace strata

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/math/camera.h"
+#include "core/octree/layered_cloud.h"
+
+namespace strata {
+
+struct SelectionSettings {
+    double error_px = 1.0;             // refine until what is left out lies within this many pixels of a drawn point
+    uint64_t point_budget = 20'000'000;
+    uint64_t memory_points = ~uint64_t{0};  // what the memory cap has room for
+};
+
+/// What stopped the refinement of a view.
+enum class BoundBy { error, budget, memory };
+
+/// The nodes to draw for a view.
+struct Selection {
+    std::vector<NodeId> nodes;  // ascending by key; parents always come with their children
+    uint64_t points = 0;
+    double error_px = 0.0;  // bound reached: no point in sight is farther from a drawn one, as projected
+    BoundBy bound_by = BoundBy::error;
+};
+
+/// Refines from the root, which is always drawn when in sight, the region with the largest projected error first, which is the nearest of those in sight;
+/// loads hierarchy pages where it goes. The result depends on cloud, camera, size and settings alone.
+/// throws  Error{unsupported} for clouds whose children replace their parent; what load_children throws
+Selection select_nodes(LayeredCloud& cloud, const Camera& camera, uint32_t width_px, uint32_t height_px,
+                       const SelectionSettings& settings);
+
+/// Least eye depth at which the camera may see a point of the box, at least near_depth.
+double least_depth(const Camera& camera, double aspect, const Box3d& box);
+
+}  // namespace strata

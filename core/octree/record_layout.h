@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "core/cloud/attribute.h"
+#include "core/math/vec.h"
+
+namespace strata {
+
+/// How the builder keeps a point: stored quanta as int32 x, y, z, then the attributes, packed.
+struct RecordLayout {
+    explicit RecordLayout(std::vector<Attribute> record_attributes) : attributes(std::move(record_attributes)) {
+        for (const Attribute& attribute : attributes) {
+            offsets.push_back(size);
+            size += attribute.size_bytes();
+        }
+    }
+
+    std::vector<Attribute> attributes;
+    std::vector<size_t> offsets;  // of each attribute, bytes
+    size_t size = 12;             // bytes of a record
+};
+
+/// The layout of the attributes that are kept.
+inline RecordLayout without(const RecordLayout& layout, const std::vector<bool>& kept) {
+    std::vector<Attribute> attributes;
+    for (size_t a = 0; a < layout.attributes.size(); ++a)
+        if (kept[a]) attributes.push_back(layout.attributes[a]);
+    return RecordLayout(std::move(attributes));
+}
+
+/// Squeezes records of `layout` in place to those of without(layout, kept).
+void drop_attributes(const RecordLayout& layout, const std::vector<bool>& kept, std::vector<std::byte>& records);
+
+inline Vec3i record_position(const std::byte* record) {
+    Vec3i p_quanta;
+    std::memcpy(p_quanta.data(), record, 12);
+    return p_quanta;
+}
+
+}  // namespace strata

@@ -1,0 +1,114 @@
+#include "io/format.h"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <filesystem>
+
+#include "core/error.h"
+#include "io/byte_source.h"
+#include "io/las/las_source.h"
+#include "io/merged_source.h"
+#include "io/potree/potree_cloud.h"
+
+namespace strata {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::array kFormats = {
+    Format{"las", "LAS 1.0 to 1.4, point formats 0 to 10", ".las", FormatKind::points, true},
+    Format{"potree", "Potree 2.0, a folder with metadata.json", "", FormatKind::layered, true},
+    Format{"laz", "LAZ, compressed LAS", ".laz", FormatKind::not_readable, false},
+    Format{"copc", "COPC, a LAZ file with an octree", ".copc.laz", FormatKind::not_readable, false},
+    Format{"3dtiles", "3D Tiles, tileset.json or .pnts", ".json .pnts", FormatKind::not_readable, false},
+    Format{"ept", "Entwine Point Tiles, a folder with ept.json", "", FormatKind::not_readable, false},
+    Format{"e57", "ASTM E57", ".e57", FormatKind::not_readable, false},
+    Format{"ply", "Stanford polygon file", ".ply", FormatKind::not_readable, false},
+    Format{"pcd", "Point Cloud Library file", ".pcd", FormatKind::not_readable, false},
+    Format{"draco", "Draco compressed mesh or points", ".drc", FormatKind::not_readable, false},
+};
+
+const Format& format_named(std::string_view name) {
+    return *std::find_if(kFormats.begin(), kFormats.end(), [&](const Format& format) { return format.name == name; });
+}
+
+std::string readable_names() {
+    std::string names;
+    for (const Format& format : kFormats) {
+        if (format.kind == FormatKind::not_readable) continue;
+        if (!names.empty()) names += ", ";
+        names += std::string(format.name) + " (" + std::string(format.description) + ")";
+    }
+    return names;
+}
+
+const Format& identify_folder(const std::string& path) {
+    std::error_code ignored;
+    const auto holds = [&](const char* name) { return fs::is_regular_file(fs::path(path) / name, ignored); };
+    if (holds("metadata.json")) return format_named("potree");
+    if (holds("tileset.json")) return format_named("3dtiles");
+    if (holds("ept.json")) return format_named("ept");
+    throw Error(ErrorKind::unsupported, path + ": a folder without data: metadata.json of Potree 2.0 is expected");
+}
+
+const Format& identify_las(std::string_view head) {
+    // COPC 1.0 asks that its own record comes first, right behind the header of LAS 1.4.
+    if (head.size() >= 381 && head.substr(377, 4) == "copc") return format_named("copc");
+    return format_named(head.size() > 104 && (head[104] & 0xC0) != 0 ? "laz" : "las");  // bits that LASzip sets
+}
+
+const Format& identify_bytes(const ByteSource& source) {
+    std::array<char, 589> bytes;
+    const size_t size = size_t(std::min<uint64_t>(bytes.size(), source.size()));
+    source.read(0, std::as_writable_bytes(std::span(bytes).first(size)));
+    const std::string_view head(bytes.data(), size);
+    if (head.starts_with("LASF")) return identify_las(head);
+    if (head.starts_with("ASTM-E57")) return format_named("e57");
+    if (head.starts_with("ply\n") || head.starts_with("ply\r")) return format_named("ply");
+    if (head.starts_with("# .PCD") || head.starts_with("VERSION .7") || head.starts_with("VERSION 0.7")) return format_named("pcd");
+    if (head.starts_with("DRACO")) return format_named("draco");
+    if (head.starts_with("pnts")) return format_named("3dtiles");
+    throw Error(ErrorKind::unsupported, source.name() + ": " + (size == 0 ? "an empty file" : "not a format that strata knows") +
+                                            "; this version reads " + readable_names());
+}
+
+[[noreturn]] void refuse(const std::string& path, const Format& format, std::string_view wish) {
+    const std::string what = path + ": " + std::string(format.name) + " (" + std::string(format.description) + ")";
+    if (format.kind == FormatKind::not_readable)
+        throw Error(ErrorKind::unsupported, what + ": its codec is not in this version, which reads " + readable_names());
+    throw Error(ErrorKind::unsupported, what + ": " + std::string(wish) + " is expected here");
+}
+
+std::unique_ptr<PointSource> open_points_file(const std::string& path) {
+    const Format& format = identify_format(path);
+    if (format.name != "las") refuse(path, format, "a plain file of points");
+    return std::make_unique<LasSource>(open_file(path));
+}
+
+}  // namespace
+
+std::span<const Format> all_formats() { return kFormats; }
+
+const Format& identify_format(const std::string& path) {
+    std::error_code ignored;
+    if (fs::is_directory(path, ignored)) return identify_folder(path);
+    if (fs::path(path).filename() == "metadata.json") return identify_folder(fs::path(path).parent_path().string());
+    return identify_bytes(*open_file(path));
+}
+
+std::unique_ptr<PointSource> open_points(std::span<const std::string> paths) {
+    if (paths.empty()) throw Error(ErrorKind::usage, "no file of points was named");
+    if (paths.size() == 1) return open_points_file(paths.front());
+    std::vector<std::unique_ptr<PointSource>> sources;
+    for (const std::string& path : paths) sources.push_back(open_points_file(path));
+    return merge_sources(std::move(sources), std::vector<std::string>(paths.begin(), paths.end()));
+}
+
+std::unique_ptr<LayeredCloud> open_layered(const std::string& path) {
+    const Format& format = identify_format(path);
+    if (format.kind != FormatKind::layered) refuse(path, format, "a level-of-detail data set");
+    return open_potree(path);
+}
+
+}  // namespace strata

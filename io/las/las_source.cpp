@@ -1,0 +1,55 @@
+#include "io/las/las_source.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "io/las/las_crs.h"
+#include "io/las/las_extra_bytes.h"
+#include "io/las/las_layout.h"
+
+namespace strata {
+namespace {
+
+// Bytes of one read: few calls, and the records are still in the second-level cache when they are decoded.
+constexpr size_t kReadBytes = 256 * 1024;
+
+las::Header read_uncompressed_header(const ByteSource& bytes) {
+    las::Header header = las::read_header(bytes);
+    if (header.compressed)
+        throw Error(ErrorKind::unsupported, bytes.name() + ": compressed (LAZ): its codec is not in this version; LAS is read");
+    return header;
+}
+
+}  // namespace
+
+LasSource::LasSource(std::unique_ptr<ByteSource> bytes)
+    : bytes_(std::move(bytes)),
+      header_(read_uncompressed_header(*bytes_)),
+      notes_(header_.notes),
+      columns_(header_.point_format, header_.record_size, las::read_extra_bytes(*bytes_, header_, notes_)) {
+    info_.format = "las 1." + std::to_string(header_.minor_version) + ", point format " + std::to_string(header_.point_format);
+    info_.points = header_.points;
+    info_.bounds = header_.bounds;
+    info_.quantization = header_.quantization;
+    info_.attributes = columns_.attributes();
+    info_.crs = las::read_crs(*bytes_, header_, notes_);
+    if (las::point_layout(header_.point_format).wave) notes_.push_back("wave packets are left out");
+    info_.notes = std::move(notes_);
+}
+
+void LasSource::read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const {
+    const uint64_t first = index * kBatchPoints;
+    const size_t count = size_t(std::min(kBatchPoints, header_.points - first));
+    const size_t record_size = header_.record_size, step = std::max<size_t>(1, kReadBytes / record_size);
+    resize_batch(out, count, info_.attributes, wanted);
+
+    thread_local std::vector<std::byte> records;
+    for (size_t begin = 0; begin < count; begin += step) {
+        const size_t size = std::min(step, count - begin) * record_size;
+        if (records.size() < size) records.resize(size);
+        bytes_->read(header_.point_offset + (first + begin) * record_size, std::span(records).first(size));
+        columns_.decode(std::span(records).first(size), wanted, begin, out);
+    }
+}
+
+}  // namespace strata

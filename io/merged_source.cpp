@@ -1,0 +1,235 @@
+#include "io/merged_source.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "core/cloud/rgb_depth.h"
+#include "core/error.h"
+#include "core/parallel.h"
+
+namespace strata {
+namespace {
+
+using namespace attribute_name;
+
+constexpr double kLeastQuanta = std::numeric_limits<int32_t>::min(), kMostQuanta = std::numeric_limits<int32_t>::max();
+constexpr double kScanAngleStep = 0.006;  // degrees, LAS 1.4 R15, table 13
+
+enum class Conversion { absent, copy, widen_rgb, rank_to_angle, to_double };
+
+// How one column of the merged cloud comes from a source.
+struct ColumnPlan {
+    Conversion conversion = Conversion::absent;
+    int index = -1;  // of the source's attribute
+};
+
+struct SourcePlan {
+    std::vector<ColumnPlan> columns;  // one per attribute of the merged cloud
+    // quanta of the merged cloud = quanta * ratio + shift; both whole where scales agree
+    std::array<double, 3> ratio, shift;
+};
+
+std::string merged_name(const Attribute& attribute, bool with_scan_angle) {
+    return with_scan_angle && attribute.name == kScanAngleRank ? std::string(kScanAngle) : attribute.name;
+}
+
+bool stored_alike(const Attribute& a, const Attribute& b) {
+    return a.type == b.type && a.scale == b.scale && a.offset == b.offset &&
+           (a.no_data == b.no_data || (std::isnan(a.no_data) && std::isnan(b.no_data)));
+}
+
+int standard_rank(const Attribute& attribute) {
+    constexpr std::array kOrder = {kIntensity, kReturnNumber, kNumberOfReturns, kClassificationFlags, kClassification, kScanAngleRank,
+                                   kScanAngle, kUserData, kPointSourceId, kGpsTime, kRgb, kNearInfrared};
+    return int(std::find(kOrder.begin(), kOrder.end(), std::string_view(attribute.name)) - kOrder.begin());
+}
+
+std::vector<Attribute> unite_attributes(const std::vector<std::unique_ptr<PointSource>>& sources, const std::vector<std::string>& names,
+                                        bool with_scan_angle) {
+    std::vector<Attribute> all;
+    for (size_t s = 0; s < sources.size(); ++s)
+        for (Attribute attribute : sources[s]->info().attributes) {
+            if (with_scan_angle && attribute.name == kScanAngleRank) continue;
+            const int index = find_attribute(all, attribute.name);
+            if (index < 0) {
+                all.push_back(std::move(attribute));
+                continue;
+            }
+            Attribute& seen = all[size_t(index)];
+            if (seen.components != attribute.components)
+                throw Error(ErrorKind::unsupported, names[s] + ": attribute '" + attribute.name + "' has " + std::to_string(attribute.components) +
+                                                        " components, in the files before it " + std::to_string(seen.components));
+            if (!stored_alike(seen, attribute))
+                seen = {.name = seen.name, .description = seen.description, .type = ScalarType::float64, .components = seen.components};
+        }
+    std::stable_sort(all.begin(), all.end(), [](const Attribute& a, const Attribute& b) { return standard_rank(a) < standard_rank(b); });
+    return all;
+}
+
+// The finest scale and the first offset, unless int32 cannot hold the bounds so.
+Quantization unite_quantization(const std::vector<std::unique_ptr<PointSource>>& sources, const Box3d& bounds, std::vector<std::string>& notes) {
+    Quantization united = sources.front()->info().quantization;
+    for (const auto& source : sources) united.scale = united.scale.cwiseMin(source->info().quantization.scale);
+    for (int axis = 0; axis < 3; ++axis) {
+        double& scale = united.scale[axis];
+        double& offset = united.offset[axis];
+        const double low = bounds.min[axis], high = bounds.max[axis];
+        if (!std::isfinite(low) || !std::isfinite(high)) continue;
+        const auto fits = [&] { return (low - offset) / scale > kLeastQuanta && (high - offset) / scale < kMostQuanta; };
+        if (fits()) continue;
+        const double finest = scale;
+        while ((high - low) / scale > kMostQuanta - kLeastQuanta - 2.0) scale *= 10.0;
+        if (scale != finest)
+            notes.push_back(std::string("the ") + "xyz"[axis] + " scale is widened to " + std::to_string(scale) + " to hold all files");
+        offset += std::round((0.5 * (low + high) - offset) / scale) * scale;
+    }
+    return united;
+}
+
+template <typename To, typename From, typename Function>
+void convert(const std::vector<std::byte>& in, std::vector<std::byte>& out, Function function) {
+    const size_t count = in.size() / sizeof(From);
+    for (size_t i = 0; i < count; ++i) {
+        From from;
+        std::memcpy(&from, in.data() + i * sizeof from, sizeof from);
+        const To to = function(from);
+        std::memcpy(out.data() + i * sizeof to, &to, sizeof to);
+    }
+}
+
+void convert_to_double(const Attribute& attribute, const std::vector<std::byte>& in, std::vector<std::byte>& out) {
+    const size_t size = scalar_size(attribute.type), count = in.size() / size;
+    for (size_t i = 0; i < count; ++i) {
+        const double stored = load_scalar(attribute.type, in.data() + i * size);
+        const double value = stored == attribute.no_data ? std::numeric_limits<double>::quiet_NaN() : stored * attribute.scale + attribute.offset;
+        std::memcpy(out.data() + i * sizeof value, &value, sizeof value);
+    }
+}
+
+class MergedSource : public PointSource {
+public:
+    MergedSource(std::vector<std::unique_ptr<PointSource>> sources, std::vector<std::string> names)
+        : sources_(std::move(sources)), names_(std::move(names)) {
+        first_batch_.push_back(0);
+        for (size_t s = 0; s < sources_.size(); ++s) {
+            const CloudInfo& info = sources_[s]->info();
+            first_batch_.push_back(first_batch_.back() + sources_[s]->batch_count());
+            info_.points += info.points;
+            if (info.points > 0) info_.bounds.extend(info.bounds);
+            for (const std::string& note : info.notes) info_.notes.push_back(names_[s] + ": " + note);
+            if (info_.crs.empty()) info_.crs = info.crs;
+            if (!info.crs.empty() && info.crs != info_.crs)
+                info_.notes.push_back(names_[s] + ": its coordinate reference system differs from that of the files before it, which is kept");
+        }
+        info_.format = sources_.front()->info().format + ", " + std::to_string(sources_.size()) + " files";
+        info_.quantization = unite_quantization(sources_, info_.bounds, info_.notes);
+        const bool with_scan_angle = std::any_of(sources_.begin(), sources_.end(), [](const auto& source) {
+            return find_attribute(source->info().attributes, kScanAngle) >= 0;
+        });
+        info_.attributes = unite_attributes(sources_, names_, with_scan_angle);
+        plan(with_scan_angle);
+    }
+
+    const CloudInfo& info() const override { return info_; }
+    uint64_t batch_count() const override { return first_batch_.back(); }
+
+    void read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const override {
+        const size_t s = size_t(std::upper_bound(first_batch_.begin(), first_batch_.end(), index) - first_batch_.begin()) - 1;
+        const SourcePlan& plan = plans_[s];
+        std::vector<int> source_wanted;
+        for (const int i : wanted)
+            if (plan.columns[size_t(i)].index >= 0) source_wanted.push_back(plan.columns[size_t(i)].index);
+        thread_local PointBatch batch;
+        sources_[s]->read_batch(index - first_batch_[s], source_wanted, batch);
+        resize_batch(out, batch.size, info_.attributes, wanted);
+        convert_axis(s, 0, batch.x, out.x);
+        convert_axis(s, 1, batch.y, out.y);
+        convert_axis(s, 2, batch.z, out.z);
+        for (const int i : wanted) convert_column(s, plan.columns[size_t(i)], batch, out.columns[size_t(i)]);
+    }
+
+private:
+    void plan(bool with_scan_angle) {
+        std::vector<int> depths;
+        for (const auto& source : sources_) depths.push_back(rgb_depth(*source, default_thread_count()));
+        const bool deep_rgb = std::find(depths.begin(), depths.end(), 16) != depths.end();
+        for (size_t s = 0; s < sources_.size(); ++s) {
+            const CloudInfo& info = sources_[s]->info();
+            SourcePlan& plan = plans_.emplace_back();
+            plan.columns.resize(info_.attributes.size());
+            for (size_t i = 0; i < info.attributes.size(); ++i) {
+                const Attribute& attribute = info.attributes[i];
+                const int merged = find_attribute(info_.attributes, merged_name(attribute, with_scan_angle));
+                ColumnPlan& column = plan.columns[size_t(merged)];
+                column = {Conversion::copy, int(i)};
+                if (attribute.name != info_.attributes[size_t(merged)].name)
+                    column.conversion = Conversion::rank_to_angle;
+                else if (!stored_alike(attribute, info_.attributes[size_t(merged)]))
+                    column.conversion = Conversion::to_double;
+                else if (attribute.name == kRgb && deep_rgb && depths[s] == 8)
+                    column.conversion = Conversion::widen_rgb;
+            }
+            for (int axis = 0; axis < 3; ++axis) {
+                const double scale = info_.quantization.scale[axis];
+                const double shift = (info.quantization.offset[axis] - info_.quantization.offset[axis]) / scale;
+                plan.ratio[size_t(axis)] = info.quantization.scale[axis] / scale;
+                plan.shift[size_t(axis)] = plan.ratio[size_t(axis)] == 1.0 ? std::round(shift) : shift;
+            }
+        }
+    }
+
+    void convert_axis(size_t s, size_t axis, const std::vector<int32_t>& in, std::vector<int32_t>& out) const {
+        const double ratio = plans_[s].ratio[axis], shift = plans_[s].shift[axis];
+        const auto convert_all = [&](auto convert_one) {
+            double least = 0.0, most = 0.0;
+            for (size_t i = 0; i < in.size(); ++i) {
+                const double quanta = convert_one(double(in[i]));
+                least = std::min(least, quanta);
+                most = std::max(most, quanta);
+                out[i] = int32_t(std::clamp(quanta, kLeastQuanta, kMostQuanta));
+            }
+            return least >= kLeastQuanta && most <= kMostQuanta;
+        };
+        // Whole shifts are exact in double, and need no rounding.
+        const bool held = ratio == 1.0 ? convert_all([&](double quanta) { return quanta + shift; })
+                                       : convert_all([&](double quanta) { return std::round(quanta * ratio + shift); });
+        if (!held)
+            throw Error(ErrorKind::limit, names_[s] + ": points lie beyond what 32 bits hold at a scale of " +
+                                              std::to_string(info_.quantization.scale[Eigen::Index(axis)]) +
+                                              ", and beyond the bounds of the headers");
+    }
+
+    void convert_column(size_t s, const ColumnPlan& plan, PointBatch& batch, std::vector<std::byte>& out) const {
+        if (plan.conversion == Conversion::absent) {
+            std::fill(out.begin(), out.end(), std::byte{0});
+            return;
+        }
+        const std::vector<std::byte>& in = batch.columns[size_t(plan.index)];
+        switch (plan.conversion) {
+            case Conversion::absent:
+            case Conversion::copy: std::copy(in.begin(), in.end(), out.begin()); break;
+            case Conversion::widen_rgb: convert<uint16_t, uint16_t>(in, out, [](uint16_t channel) { return uint16_t(channel * 257); }); break;
+            case Conversion::rank_to_angle:
+                convert<int16_t, int8_t>(in, out, [](int8_t rank) { return int16_t(std::lround(rank / kScanAngleStep)); });
+                break;
+            case Conversion::to_double: convert_to_double(sources_[s]->info().attributes[size_t(plan.index)], in, out); break;
+        }
+    }
+
+    std::vector<std::unique_ptr<PointSource>> sources_;
+    std::vector<std::string> names_;
+    std::vector<SourcePlan> plans_;      // one a source
+    std::vector<uint64_t> first_batch_;  // one a source, then the count of all
+    CloudInfo info_;
+};
+
+}  // namespace
+
+std::unique_ptr<PointSource> merge_sources(std::vector<std::unique_ptr<PointSource>> sources, std::vector<std::string> names) {
+    return std::make_unique<MergedSource>(std::move(sources), std::move(names));
+}
+
+}  // namespace strata

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <string>
+
+#include "io/output_file.h"
+#include "io/temporary_path.h"
+
+namespace strata {
+
+/// A folder that is whole or absent: filled under a temporary name beside the final one, and renamed, or exchanged with
+/// the earlier one, by commit(). An earlier output is replaced only when it is one: a folder that is empty or holds
+/// `marker`; anything else that a user keeps there is left alone.
+class OutputFolder {
+public:
+    /// throws  Error{io}: exists and `overwrite` is false, or is no such output; Error{not_found, io}: cannot be made
+    OutputFolder(const std::string& path, const std::string& marker, bool overwrite);
+
+    const std::string& path() const { return path_; }
+    /// Where a file of the folder lies until commit().
+    std::string path_of(const std::string& name) const { return temporary_.path() + "/" + name; }
+
+    /// Gives the folder its name; with Durability::synced its entries and its name are on the disk first. Once, when
+    /// its files are committed.
+    void commit(Durability durability);
+
+private:
+    std::string path_;
+    bool overwrite_;
+    TemporaryPath temporary_;
+};
+
+}  // namespace strata

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "render/image.h"
+
+namespace strata {
+
+/// What a pixel shows: the node's slot among those drawn (in key order) and the point's index in it.
+using PixelId = uint64_t;
+inline constexpr PixelId kNoPixelId = ~PixelId{0};
+constexpr PixelId make_pixel_id(uint32_t slot, uint32_t index) { return PixelId{slot} << 32 | index; }
+
+inline constexpr float kNoDepth = std::numeric_limits<float>::infinity();
+
+/// What opaque drawables leave behind for the screen-space passes: rows [first_row, first_row + rows) of a picture.
+struct GBuffer {
+    uint32_t width = 0, first_row = 0, rows = 0;
+    std::vector<Rgba8> colors;   // [width * rows] alpha 0 where nothing was drawn
+    std::vector<float> depths;   // eye depth, world units; kNoDepth where nothing was drawn
+    std::vector<PixelId> ids;    // kNoPixelId where nothing was drawn; empty unless asked for
+};
+
+}  // namespace strata

@@ -1,0 +1,69 @@
+#include "render/gl/program.h"
+
+#include <epoxy/gl.h>
+
+#include <string>
+
+#include "core/error.h"
+#include "render/shaders/shader_source.h"
+
+namespace strata {
+namespace {
+
+std::string first_line(std::string log) { return log.substr(0, log.find('\n')); }
+
+uint32_t compile(GLenum stage, std::string_view file) {
+    const std::string_view source = shader_source(file);
+    const char* const text = source.data();
+    const GLint length = GLint(source.size());
+    const uint32_t shader = glCreateShader(stage);
+    glShaderSource(shader, 1, &text, &length);
+    glCompileShader(shader);
+    GLint compiled = GL_FALSE;
+    glGetShaderiv(shader, GL_COMPILE_STATUS, &compiled);
+    if (compiled == GL_TRUE) return shader;
+    std::string log(4096, '\0');
+    GLsizei log_size = 0;
+    glGetShaderInfoLog(shader, GLsizei(log.size()), &log_size, log.data());
+    glDeleteShader(shader);
+    log.resize(size_t(log_size));
+    throw Error(ErrorKind::device, "OpenGL: " + std::string(file) + ": " + first_line(log));
+}
+
+}  // namespace
+
+Program::Program(std::string_view vertex_file, std::string_view fragment_file) {
+    const uint32_t vertex = compile(GL_VERTEX_SHADER, vertex_file);
+    uint32_t fragment = 0;
+    try {
+        fragment = compile(GL_FRAGMENT_SHADER, fragment_file);
+    } catch (...) {
+        glDeleteShader(vertex);
+        throw;
+    }
+    name_ = glCreateProgram();
+    glAttachShader(name_, vertex);
+    glAttachShader(name_, fragment);
+    glLinkProgram(name_);
+    glDeleteShader(vertex);
+    glDeleteShader(fragment);
+    GLint linked = GL_FALSE;
+    glGetProgramiv(name_, GL_LINK_STATUS, &linked);
+    if (linked == GL_TRUE) return;
+    std::string log(4096, '\0');
+    GLsizei log_size = 0;
+    glGetProgramInfoLog(name_, GLsizei(log.size()), &log_size, log.data());
+    glDeleteProgram(name_);
+    log.resize(size_t(log_size));
+    throw Error(ErrorKind::device, "OpenGL: " + std::string(fragment_file) + ": " + first_line(log));
+}
+
+Program::~Program() { glDeleteProgram(name_); }
+
+void Program::use() const { glUseProgram(name_); }
+void Program::set(int location, int32_t value) const { glProgramUniform1i(name_, location, value); }
+void Program::set(int location, float value) const { glProgramUniform1f(name_, location, value); }
+void Program::set(int location, int32_t x, int32_t y) const { glProgramUniform2i(name_, location, x, y); }
+void Program::set(int location, float x, float y) const { glProgramUniform2f(name_, location, x, y); }
+
+}  // namespace strata

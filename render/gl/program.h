@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+namespace strata {
+
+/// A linked program of a vertex and a fragment shader. Owns its GL name; the context must be current.
+class Program {
+public:
+    /// stem's names: files of render/shaders, such as "cover.vert" and "edl.frag"
+    /// throws  Error{device} with the compiler's first line
+    Program(std::string_view vertex_file, std::string_view fragment_file);
+    Program(const Program&) = delete;
+    Program& operator=(const Program&) = delete;
+    ~Program();
+
+    void use() const;
+    /// By explicit location.
+    void set(int location, int32_t value) const;
+    void set(int location, float value) const;
+    void set(int location, int32_t x, int32_t y) const;
+    void set(int location, float x, float y) const;
+
+private:
+    uint32_t name_ = 0;
+};
+
+}  // namespace strata

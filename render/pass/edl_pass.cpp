@@ -1,0 +1,66 @@
+#include "render/pass/edl_pass.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "render/gl/egl_context.h"
+#include "render/gl/program.h"
+#include "render/gl/texture.h"
+
+namespace strata {
+namespace {
+
+struct Targets {
+    Targets(uint32_t width, uint32_t height)
+        : colors(TexelFormat::rgba8, width, height),
+          depths(TexelFormat::depth_r32f, width, height),
+          shaded(TexelFormat::rgba8, width, height),
+          framebuffer(shaded) {}
+
+    Texture colors, depths, shaded;
+    Framebuffer framebuffer;
+};
+
+}  // namespace
+
+int EdlSettings::axis_reach_px() const { return std::max(1, int(std::lround(radius_px))); }
+int EdlSettings::diagonal_reach_px() const { return std::max(1, int(std::lround(radius_px * std::sqrt(0.5f)))); }
+
+Vec2f pixel_world_size(const Camera& camera, uint32_t height_px) {
+    const float unit = float(1.0 / pixels_per_unit(camera, 1.0, height_px));
+    return camera.projection == Projection::perspective ? Vec2f(unit, 0.0f) : Vec2f(0.0f, unit);
+}
+
+struct EdlPass::Resources {
+    Program program{"cover.vert", "edl.frag"};
+    std::optional<Targets> targets;
+};
+
+EdlPass::EdlPass(const EglContext&) : resources_(std::make_unique<Resources>()) {}
+EdlPass::~EdlPass() = default;
+
+void EdlPass::shade(const GBuffer& in, const EdlSettings& settings, const Camera& camera, uint32_t height_px, uint32_t first,
+                    uint32_t rows, std::span<Rgba8> out) {
+    std::optional<Targets>& targets = resources_->targets;
+    if (!targets || targets->colors.width() != in.width || targets->colors.height() < in.rows) {
+        targets.reset();
+        targets.emplace(in.width, in.rows);
+    }
+    targets->colors.upload(in.colors.data(), in.rows);
+    targets->depths.upload(in.depths.data(), in.rows);
+    targets->colors.bind(0);
+    targets->depths.bind(1);
+    const Vec2f pixel_world = pixel_world_size(camera, height_px);
+    const Program& program = resources_->program;
+    program.set(0, int32_t(in.width), int32_t(in.rows));
+    program.set(1, pixel_world.x(), pixel_world.y());
+    program.set(2, settings.strength);
+    program.set(3, settings.axis_reach_px(), settings.diagonal_reach_px());
+    program.set(4, settings.most_response);
+    program.use();
+    targets->framebuffer.draw_covering(in.rows);
+    targets->framebuffer.read(first, rows, out.data());
+}
+
+}  // namespace strata

@@ -1,0 +1,221 @@
+#include "render/pass/points_pass.h"
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cmath>
+
+#include "core/parallel.h"
+
+namespace strata {
+namespace {
+
+constexpr size_t kBlock = 256;           // points projected at a time: their values stay in the nearest cache
+constexpr size_t kUnitPoints = 1 << 15;  // points a thread takes at a time
+
+struct Target {
+    uint64_t* words;
+    uint32_t width, first_row, rows;
+};
+
+// Points of one block after projection. Points that are not drawn have key 0.
+struct Projected {
+    alignas(64) float x_px[kBlock];
+    alignas(64) float y_px[kBlock];
+    alignas(64) float size_px[kBlock];
+    alignas(64) uint32_t key[kBlock];
+};
+
+inline void raise(uint64_t& word, uint64_t value) {
+    std::atomic_ref<uint64_t> pixel(word);
+    uint64_t current = pixel.load(std::memory_order_relaxed);
+    while (value > current && !pixel.compare_exchange_weak(current, value, std::memory_order_relaxed)) {
+    }
+}
+
+// near:  every difference to the eye fits in 32 bits
+template <bool perspective, bool near>
+void project_block(const PointProjection& view, const int32_t* x, const int32_t* y, const int32_t* z, size_t count,
+                   Projected& out) {
+    const int32_t eye_x = int32_t(view.eye_quanta[0]), eye_y = int32_t(view.eye_quanta[1]), eye_z = int32_t(view.eye_quanta[2]);
+    for (size_t i = 0; i < count; ++i) {
+        float dx, dy, dz;
+        if constexpr (near) {
+            dx = float(x[i] - eye_x);
+            dy = float(y[i] - eye_y);
+            dz = float(z[i] - eye_z);
+        } else {
+            dx = float(x[i] - view.eye_quanta[0]);
+            dy = float(y[i] - view.eye_quanta[1]);
+            dz = float(z[i] - view.eye_quanta[2]);
+        }
+        const float depth = view.depth_row[0] * dx + view.depth_row[1] * dy + view.depth_row[2] * dz + view.depth_row[3];
+        const float across = view.x_row[0] * dx + view.x_row[1] * dy + view.x_row[2] * dz + view.x_row[3];
+        const float down = view.y_row[0] * dx + view.y_row[1] * dy + view.y_row[2] * dz + view.y_row[3];
+        float key;
+        if constexpr (perspective) {
+            const float inverse = 1.0f / depth;
+            key = view.key_scale * inverse;
+            out.x_px[i] = view.center_x + across * inverse;
+            out.y_px[i] = view.center_y + down * inverse;
+        } else {
+            // What lies beyond far still shows, behind all else.
+            key = std::max(view.key_offset + view.key_scale * depth, 0x1p-100f);
+            out.x_px[i] = view.center_x + across;
+            out.y_px[i] = view.center_y + down;
+        }
+        const uint32_t bits = std::bit_cast<uint32_t>(key);
+        out.key[i] = depth >= view.near_depth ? bits : 0;
+    }
+}
+
+// Adaptive diameters: spacing at the point, projected.
+template <bool perspective>
+void size_block(const PointProjection& view, const SplatStyle& style, const PointNode& node, size_t begin, size_t count,
+                Projected& out) {
+    const ResidentNode& points = *node.points;
+    const float scale = style.spacing_factor * view.pixels_per_unit;
+    for (size_t i = 0; i < count; ++i) {
+        const float spacing = node.spacing == nullptr
+                                  ? points.spacing
+                                  : node.spacing->at(points.x[begin + i], points.y[begin + i], points.z[begin + i]);
+        float size = scale * spacing;
+        if constexpr (perspective) size *= std::bit_cast<float>(out.key[i]) / view.key_scale;
+        out.size_px[i] = std::min(std::max(size, style.least_px), style.most_px);
+    }
+}
+
+void scatter_pixels(const Target& target, const Projected& block, size_t count, uint32_t rank) {
+    const float width = float(target.width), top = float(target.first_row), bottom = float(target.first_row + target.rows);
+    for (size_t i = 0; i < count; ++i) {
+        const float x = block.x_px[i], y = block.y_px[i];
+        if (block.key[i] == 0 || !(x >= 0.0f && x < width && y >= top && y < bottom)) continue;
+        const size_t pixel = size_t(uint32_t(y) - target.first_row) * target.width + uint32_t(x);
+        raise(target.words[pixel], uint64_t{block.key[i]} << 32 | ~(rank + uint32_t(i)));
+    }
+}
+
+template <SplatShape shape>
+void scatter_splats(const Target& target, const Projected& block, size_t count, uint32_t rank) {
+    const float width = float(target.width), top = float(target.first_row), bottom = float(target.first_row + target.rows);
+    for (size_t i = 0; i < count; ++i) {
+        if (block.key[i] == 0) continue;
+        const float x = block.x_px[i], y = block.y_px[i], radius = 0.5f * block.size_px[i];
+        // Centers c + 0.5 in (x - radius, x + radius]; at one pixel that is the pixel of the point.
+        const float left = std::max(x + (0.5f - radius), 0.0f), right = std::min(x + (0.5f + radius), width);
+        const float above = std::max(y + (0.5f - radius), top), below = std::min(y + (0.5f + radius), bottom);
+        if (!(left < right && above < below)) continue;
+        const uint64_t word = uint64_t{block.key[i]} << 32 | ~(rank + uint32_t(i));
+        const uint32_t x_end = uint32_t(right), y_end = uint32_t(below);
+        for (uint32_t row = uint32_t(above); row < y_end; ++row) {
+            uint64_t* const line = target.words + size_t(row - target.first_row) * target.width;
+            const float dy = float(row) + 0.5f - y;
+            for (uint32_t column = uint32_t(left); column < x_end; ++column) {
+                if constexpr (shape == SplatShape::disc) {
+                    const float dx = float(column) + 0.5f - x;
+                    // Below this diameter a disc may miss every center, and the square covers two by two at most.
+                    if (radius > 0.75f && dx * dx + dy * dy > radius * radius) continue;
+                }
+                raise(line[column], word);
+            }
+        }
+    }
+}
+
+template <bool perspective, bool near>
+void draw_unit(const Target& target, const PointNode& node, size_t begin, size_t end, const PointProjection& view,
+               const SplatStyle& style) {
+    Projected block;
+    const bool one_pixel = style.fixed_px > 0.0f && style.fixed_px <= 1.0f;
+    if (style.fixed_px > 0.0f) std::fill(std::begin(block.size_px), std::end(block.size_px), style.fixed_px);
+    const ResidentNode& points = *node.points;
+    for (; begin < end; begin += kBlock) {
+        const size_t count = std::min(kBlock, end - begin);
+        project_block<perspective, near>(view, &points.x[begin], &points.y[begin], &points.z[begin], count, block);
+        const uint32_t rank = node.first_rank + uint32_t(begin);
+        if (one_pixel) {
+            scatter_pixels(target, block, count, rank);
+            continue;
+        }
+        if (style.fixed_px <= 0.0f) size_block<perspective>(view, style, node, begin, count, block);
+        if (style.shape == SplatShape::square)
+            scatter_splats<SplatShape::square>(target, block, count, rank);
+        else
+            scatter_splats<SplatShape::disc>(target, block, count, rank);
+    }
+}
+
+// Whether every quanta difference between the node's points and the eye fits in 32 bits.
+bool is_near(const ResidentNode& points, const PointProjection& view) {
+    for (size_t axis = 0; axis < 3; ++axis) {
+        const int64_t eye = view.eye_quanta[axis];
+        if (eye != int32_t(eye) || points.min_quanta[int(axis)] - eye < INT32_MIN || points.max_quanta[int(axis)] - eye > INT32_MAX)
+            return false;
+    }
+    return true;
+}
+
+}  // namespace
+
+PointsPass::PointsPass(uint32_t width, uint32_t first_row, uint32_t rows)
+    : width_(width), first_row_(first_row), rows_(rows), words_(size_t(width) * rows, 0) {}
+
+void PointsPass::draw(std::span<const PointNode> nodes, const PointProjection& projection, const SplatStyle& style,
+                      int threads) {
+    struct Unit {
+        const PointNode* node;
+        size_t begin, end;
+    };
+    std::vector<Unit> units;
+    for (const PointNode& node : nodes) {
+        if (node.bottom_row < float(first_row_) || node.top_row >= float(first_row_ + rows_)) continue;
+        for (size_t begin = 0; begin < node.points->size(); begin += kUnitPoints)
+            units.push_back({&node, begin, std::min(begin + kUnitPoints, node.points->size())});
+    }
+    const Target target = {words_.data(), width_, first_row_, rows_};
+    parallel_blocks(threads, units.size(), 1, [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) {
+            const auto& [node, first, last] = units[i];
+            const bool near = is_near(*node->points, projection);
+            if (projection.perspective)
+                (near ? draw_unit<true, true> : draw_unit<true, false>)(target, *node, first, last, projection, style);
+            else
+                (near ? draw_unit<false, true> : draw_unit<false, false>)(target, *node, first, last, projection, style);
+        }
+    });
+}
+
+void PointsPass::resolve(std::span<const PointNode> nodes, const PointProjection& projection, bool with_ids,
+                         int threads, GBuffer& out) const {
+    out.width = width_;
+    out.first_row = first_row_;
+    out.rows = rows_;
+    out.colors.resize(words_.size());
+    out.depths.resize(words_.size());
+    out.ids.resize(with_ids ? words_.size() : 0);
+    parallel_blocks(threads, rows_, 16, [&](size_t first, size_t last) {
+        size_t slot = 0;  // of the pixel before: neighbours mostly show the same node
+        for (size_t pixel = first * width_; pixel < last * width_; ++pixel) {
+            const uint64_t word = words_[pixel];
+            if (word == 0) {
+                out.colors[pixel] = 0;
+                out.depths[pixel] = kNoDepth;
+                if (with_ids) out.ids[pixel] = kNoPixelId;
+                continue;
+            }
+            const uint32_t rank = ~uint32_t(word);
+            if (rank < nodes[slot].first_rank || rank - nodes[slot].first_rank >= nodes[slot].points->size()) {
+                const auto after = std::upper_bound(nodes.begin(), nodes.end(), rank,
+                                                    [](uint32_t r, const PointNode& node) { return r < node.first_rank; });
+                // Of slots with the same first rank all but the last are empty, and upper_bound is behind the last.
+                slot = size_t(after - nodes.begin()) - 1;
+            }
+            const uint32_t index = rank - nodes[slot].first_rank;
+            out.colors[pixel] = nodes[slot].points->colors[index];
+            out.depths[pixel] = projection.linear_depth(std::bit_cast<float>(uint32_t(word >> 32)));
+            if (with_ids) out.ids[pixel] = make_pixel_id(uint32_t(slot), index);
+        }
+    });
+}
+
+}  // namespace strata

@@ -1,0 +1,172 @@
+#include "render/renderer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <tuple>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "render/gl/egl_context.h"
+
+namespace strata {
+namespace {
+
+constexpr uint64_t kPixelBytes = 48;    // word, G-buffer, finished row, and the pass's textures on software GL
+constexpr uint64_t kPointBytes = 16;    // resident: position and color
+constexpr uint64_t kStripPixels = 8 << 20;
+
+// Adds the time since the last call to a row of the report.
+class Stopwatch {
+public:
+    explicit Stopwatch(RenderReport& report) : report_(report), start_(Clock::now()), last_(start_) {}
+
+    void lap(const char* name) {
+        const auto now = Clock::now();
+        const double ms = std::chrono::duration<double, std::milli>(now - last_).count();
+        last_ = now;
+        for (auto& [row, sum] : report_.pass_ms)
+            if (row == name) {
+                sum += ms;
+                return;
+            }
+        report_.pass_ms.emplace_back(name, ms);
+    }
+    double total_ms() const { return std::chrono::duration<double, std::milli>(Clock::now() - start_).count(); }
+
+private:
+    using Clock = std::chrono::steady_clock;
+    RenderReport& report_;
+    Clock::time_point start_, last_;
+};
+
+// Rows of the picture that points of the box can touch.
+std::pair<float, float> row_range(const Camera& camera, uint32_t height_px, const Box3d& box, double margin_px) {
+    double top = std::numeric_limits<double>::infinity(), bottom = -top;
+    for (int corner = 0; corner < 8; ++corner) {
+        const Vec3d p((corner & 1 ? box.max : box.min).x(), (corner & 2 ? box.max : box.min).y(),
+                      (corner & 4 ? box.max : box.min).z());
+        const Vec3d q = camera.view_from_world * (p - camera.eye);
+        if (camera.projection == Projection::perspective && -q.z() < camera.near_depth) return {0.0f, float(height_px)};
+        const double row = 0.5 * height_px - q.y() * pixels_per_unit(camera, -q.z(), height_px);
+        top = std::min(top, row);
+        bottom = std::max(bottom, row);
+    }
+    return {float(top - margin_px), float(bottom + margin_px)};
+}
+
+std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
+                                  std::span<const NodeId> ids, std::span<const ResidentNode> points,
+                                  std::span<const std::unique_ptr<SpacingGrid>> grids) {
+    // The widest splat reaches half its width beyond its point; two more rows cover rounding.
+    const double margin_px = 0.5 * std::max(settings.splat.fixed_px, settings.splat.most_px) + 2.0;
+    std::vector<PointNode> nodes(ids.size());
+    uint64_t rank = 0;
+    for (size_t slot = 0; slot < ids.size(); ++slot) {
+        PointNode& node = nodes[slot];
+        node.points = &points[slot];
+        node.spacing = grids.empty() ? nullptr : grids[slot].get();
+        node.first_rank = uint32_t(rank);
+        rank += points[slot].size();
+        std::tie(node.top_row, node.bottom_row) = row_range(camera, settings.height, cloud.node(ids[slot]).bounds, margin_px);
+    }
+    if (rank >= std::numeric_limits<uint32_t>::max())
+        throw Error(ErrorKind::limit, "more than 2^32 - 2 points in one picture; lower --budget");
+    return nodes;
+}
+
+uint32_t choose_strip_rows(const RenderSettings& settings) {
+    if (settings.tile_rows > 0) return std::min(settings.tile_rows, settings.height);
+    const uint64_t pixels = std::clamp<uint64_t>(settings.memory_bytes / 4 / kPixelBytes, settings.width, kStripPixels);
+    return uint32_t(std::min<uint64_t>(std::max<uint64_t>(pixels / settings.width, 1), settings.height));
+}
+
+void fill_background(std::span<Rgba8> colors, Rgba8 background, int threads) {
+    parallel_blocks(threads, colors.size(), 1 << 18, [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i)
+            if (alpha_of(colors[i]) == 0) colors[i] = background;
+    });
+}
+
+}  // namespace
+
+struct Renderer::Gl {
+    explicit Gl(int threads) : context(threads), edl(context) {}
+
+    EglContext context;
+    EdlPass edl;
+};
+
+Renderer::Renderer() = default;
+Renderer::~Renderer() = default;
+
+RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
+                                    const std::function<void(const RenderedRows&)>& on_rows) {
+    if (settings.width == 0 || settings.height == 0 || settings.width > kLargestSide || settings.height > kLargestSide)
+        throw Error(ErrorKind::usage, "a picture's sides are from 1 to " + std::to_string(kLargestSide) + " pixels");
+    check_camera(camera);
+    RenderReport report;
+    Stopwatch watch(report);
+
+    const uint32_t strip_rows = choose_strip_rows(settings);
+    const int reach = settings.edl.strength > 0.0f ? settings.edl.axis_reach_px() : 0;
+    SelectionSettings selection_settings = settings.selection;
+    const uint64_t strip_bytes = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach)) * kPixelBytes;
+    selection_settings.memory_points =
+        std::min<uint64_t>((settings.memory_bytes - std::min(settings.memory_bytes, strip_bytes)) / kPointBytes, 0xfffffffeu);
+    const Selection selection = select_nodes(cloud, camera, settings.width, settings.height, selection_settings);
+    report.nodes_drawn = selection.nodes.size();
+    report.error_px = selection.error_px;
+    report.bound_by = selection.bound_by;
+    watch.lap("select");
+
+    const ColorRange range = settings.range ? *settings.range
+                             : settings.color.needs_range() ? derive_range(cloud, settings.color)
+                                                            : ColorRange{};
+    const PointColorizer colors(cloud.info(), settings.color, range, settings.colormap);
+    const std::vector<ResidentNode> points = load_nodes(cloud, selection.nodes, colors, settings.threads, report.failures);
+    std::vector<std::unique_ptr<SpacingGrid>> grids;
+    if (settings.splat.fixed_px <= 0.0f) grids = build_spacing_grids(cloud, selection.nodes, points);
+    const std::vector<PointNode> nodes = list_nodes(cloud, camera, settings, selection.nodes, points, grids);
+    for (const ResidentNode& node : points) report.points_drawn += node.size();
+    watch.lap("load");
+
+    if (reach > 0 && !gl_) {
+        gl_ = std::make_unique<Gl>(settings.threads);
+        watch.lap("gl start");
+    }
+    if (gl_) report.gl_renderer = gl_->context.renderer();
+
+    const PointProjection projection(camera, cloud.info().quantization, settings.width, settings.height);
+    GBuffer gbuffer;
+    std::vector<Rgba8> shaded;
+    for (uint32_t row = 0; row < settings.height; row += strip_rows) {
+        const uint32_t rows = std::min(strip_rows, settings.height - row);
+        // Neighbours of the strip's own rows are drawn with it, so that its seams do not show.
+        const uint32_t above = std::min(row, uint32_t(reach)), below = std::min(settings.height - row - rows, uint32_t(reach));
+        {
+            PointsPass pass(settings.width, row - above, above + rows + below);
+            pass.draw(nodes, projection, settings.splat, settings.threads);
+            watch.lap("points");
+            pass.resolve(nodes, projection, settings.with_ids, settings.threads, gbuffer);
+            watch.lap("resolve");
+        }
+        const size_t skip = size_t(above) * settings.width, count = size_t(rows) * settings.width;
+        std::span<Rgba8> finished = std::span(gbuffer.colors).subspan(skip, count);
+        if (reach > 0) {
+            shaded.resize(count);
+            gl_->edl.shade(gbuffer, settings.edl, camera, settings.height, above, rows, shaded);
+            finished = shaded;
+            watch.lap("edl");
+        }
+        fill_background(finished, settings.background, settings.threads);
+        on_rows({row, rows, finished, std::span(gbuffer.depths).subspan(skip, count),
+                 settings.with_ids ? std::span(gbuffer.ids).subspan(skip, count) : std::span<PixelId>()});
+        watch.lap("output");
+    }
+    report.frame_ms = watch.total_ms();
+    return report;
+}
+
+}  // namespace strata

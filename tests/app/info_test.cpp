@@ -1,0 +1,127 @@
+// The real program: what it prints and how it ends.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/las_file.h"
+#include "tests/support/run_program.h"
+#include "tests/support/temporary_folder.h"
+
+namespace strata {
+namespace {
+
+using nlohmann::json;
+using test::ProgramResult;
+using test::run_strata;
+
+class InfoCommand : public ::testing::Test {
+protected:
+    std::string write(const std::string& name, const test::LasFile& file) {
+        const std::vector<std::byte> bytes = file.bytes();
+        const std::string path = folder_.file(name);
+        std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::streamsize(bytes.size()));
+        return path;
+    }
+    // Three points whose header lies: its box is a unit cube, it counts no returns.
+    static test::LasFile scan() {
+        test::LasFile file{.minor_version = 4, .point_format = 7, .scale = {0.01, 0.01, 0.01}, .offset = {100.0, 200.0, 0.0}, .max = {1.0, 1.0, 1.0}};
+        file.vlrs = {{"LASF_Projection", 2112, test::bytes_of("LOCAL_CS[\"here\"]")}};
+        for (int i = 0; i < 3; ++i)
+            file.records.push_back(test::las_record(7, {.x = i, .y = -i, .z = 10 * i, .intensity = uint16_t(100 + i), .classification = 2, .rgb = {1, 2, 255}}));
+        return file;
+    }
+    const TemporaryFolder folder_;
+};
+
+TEST_F(InfoCommand, JsonSaysWhatTheHeaderSays) {
+    const ProgramResult result = run_strata({"info", "--json", write("scan.las", scan())});
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_EQ(result.err, "");
+    const json report = json::parse(result.out);
+    EXPECT_EQ(report["format"], "las");
+    EXPECT_EQ(report["detail"], "las 1.4, point format 7");
+    EXPECT_EQ(report["points"], 3);
+    EXPECT_EQ(report["bounds"], json::parse(R"({"min": [0.0, 0.0, 0.0], "max": [1.0, 1.0, 1.0]})"));
+    EXPECT_EQ(report["scale"], json({0.01, 0.01, 0.01}));
+    EXPECT_EQ(report["offset"], json({100.0, 200.0, 0.0}));
+    EXPECT_EQ(report["crs"], "LOCAL_CS[\"here\"]");
+    EXPECT_EQ(report["attributes"][0]["name"], "intensity");
+    EXPECT_EQ(report["attributes"][0]["type"], "uint16");
+    EXPECT_TRUE(report["attributes"][0]["min"].is_null());  // LAS headers do not say
+    EXPECT_FALSE(report.contains("warnings"));
+}
+
+TEST_F(InfoCommand, ExactReadsEveryPointAndNamesTheLies) {
+    const ProgramResult result = run_strata({"info", "--json", "--exact", write("scan.las", scan())});
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const json report = json::parse(result.out);
+    EXPECT_EQ(report["bounds"]["min"], json({100.0, 199.98, 0.0}));
+    EXPECT_EQ(report["bounds"]["max"], json({100.02, 200.0, 0.2}));
+    EXPECT_EQ(report["header_bounds"]["max"], json({1.0, 1.0, 1.0}));
+    EXPECT_EQ(report["attributes"][0]["min"], 100.0);
+    EXPECT_EQ(report["attributes"][0]["max"], 102.0);
+    EXPECT_EQ(report["rgb_bits"], 8);
+    EXPECT_EQ(report["points_by_return"], json::parse(R"({"1": 3})"));
+    EXPECT_EQ(report["points_by_class"], json::parse(R"({"2": 3})"));
+    // Two ends of x and of y and the far end of z lie; so does the count of first returns.
+    ASSERT_EQ(report["warnings"].size(), 6u) << report["warnings"];
+    EXPECT_EQ(report["warnings"][5], "the header counts 0 points of return 1, there are 3");
+}
+
+TEST_F(InfoCommand, AnHonestHeaderHasNoWarnings) {
+    test::LasFile file = scan();
+    file.min = {100.0, 199.98, 0.0};
+    file.max = {100.02, 200.0, 0.2};
+    file.points_by_return = {3};
+    const ProgramResult result = run_strata({"info", "--json", "--exact", write("scan.las", file)});
+    EXPECT_FALSE(json::parse(result.out).contains("warnings")) << result.out;
+}
+
+TEST_F(InfoCommand, TextNamesEveryPart) {
+    const ProgramResult result = run_strata({"info", "--exact", write("scan.las", scan())});
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    for (const char* const part : {"las 1.4, point format 7", "points        3\n", "LOCAL_CS", "8 of 16 bits", "intensity", "ground", "warnings"})
+        EXPECT_NE(result.out.find(part), std::string::npos) << part << "\n" << result.out;
+}
+
+// Names are data: they can neither break the JSON nor steer a terminal.
+TEST_F(InfoCommand, HostileNamesAreEscaped) {
+    test::LasFile file = scan();
+    file.vlrs = {{"LASF_Projection", 2112, test::bytes_of("a\"b\x1b[2J\xff\nc")}, {"LASF_Spec", 4, test::extra_bytes_entry("\x1b]0;x\x07\"\xc3", 1)}};
+    for (std::vector<std::byte>& record : file.records) record.push_back(std::byte{1});
+    const std::string path = write("scan.las", file);
+    const ProgramResult as_json = run_strata({"info", "--json", path});
+    ASSERT_EQ(as_json.exit_code, 0) << as_json.err;
+    EXPECT_TRUE(json::accept(as_json.out)) << as_json.out;
+    const ProgramResult as_text = run_strata({"info", path});
+    ASSERT_EQ(as_text.exit_code, 0) << as_text.err;
+    EXPECT_EQ(as_text.out.find('\x1b'), std::string::npos);
+}
+
+TEST_F(InfoCommand, WhatCannotBeReadIsOneLineAndExitCode1) {
+    test::LasFile compressed = scan();
+    compressed.point_format |= 0x80;  // the mark of LASzip
+    std::ofstream(folder_.file("text.xyz")) << "1 2 3\n";
+    const std::pair<std::string, const char*> cases[] = {{write("scan.laz", compressed), "laz (LAZ, compressed LAS): its codec is not in this version"},
+                                                         {folder_.file("text.xyz"), "not a format that strata knows"},
+                                                         {folder_.file("none"), "No such file"},
+                                                         {folder_.path(), "a folder without data"}};
+    for (const auto& [path, part] : cases) {
+        const ProgramResult result = run_strata({"info", path});
+        EXPECT_EQ(result.exit_code, 1) << path;
+        EXPECT_EQ(result.out, "");
+        EXPECT_EQ(result.err.rfind("strata: " + path + ": ", 0), 0u) << result.err;
+        EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
+        EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    }
+}
+
+TEST_F(InfoCommand, AWrongCommandLineIsExitCode2) {
+    EXPECT_EQ(run_strata({"info"}).exit_code, 2);
+    EXPECT_EQ(run_strata({"info", "a", "b"}).exit_code, 2);
+    EXPECT_EQ(run_strata({"info", "--no-such-flag", "a"}).exit_code, 2);
+}
+
+}  // namespace
+}  // namespace strata

@@ -1,0 +1,95 @@
+#include "io/format.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+#include "core/error.h"
+#include "tests/support/las_file.h"
+#include "tests/support/points_of.h"
+#include "tests/support/temporary_folder.h"
+
+namespace strata {
+namespace {
+
+namespace fs = std::filesystem;
+
+void write(const std::string& path, const std::vector<std::byte>& bytes) {
+    std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::streamsize(bytes.size()));
+}
+
+TEST(Format, TheListHasNoNameTwice) {
+    std::set<std::string_view> names;
+    for (const Format& format : all_formats()) EXPECT_TRUE(names.insert(format.name).second) << format.name;
+}
+
+// By content, whatever the name says.
+TEST(Format, FirstBytesDecide) {
+    const TemporaryFolder folder;
+    const std::string path = folder.file("scan.ply");
+    test::LasFile las{.point_format = 0};
+    las.records = {test::las_record(0, {.x = 42})};
+    const std::vector<std::pair<std::string, std::vector<std::byte>>> files = {
+        {"las", las.bytes()},
+        {"ply", test::bytes_of("ply\nformat ascii 1.0\n")},
+        {"pcd", test::bytes_of("# .PCD v0.7 - Point Cloud Data\n")},
+        {"e57", test::bytes_of("ASTM-E57\1")},
+        {"draco", test::bytes_of("DRACO\2\2")},
+        {"3dtiles", test::bytes_of("pnts\1")},
+    };
+    for (const auto& [name, bytes] : files) {
+        write(path, bytes);
+        EXPECT_EQ(identify_format(path).name, name);
+    }
+    write(path, las.bytes());
+    EXPECT_EQ(test::points_of(*open_points({&path, 1})).x, std::vector<int32_t>{42});
+}
+
+TEST(Format, FoldersAreKnownByTheirMainFile) {
+    const TemporaryFolder folder;
+    const std::pair<const char*, const char*> kinds[] = {{"metadata.json", "potree"}, {"tileset.json", "3dtiles"}, {"ept.json", "ept"}};
+    for (const auto& [file, name] : kinds) {
+        const std::string path = folder.file(name);
+        fs::create_directory(path);
+        std::ofstream(path + "/" + file) << "{}";
+        EXPECT_EQ(identify_format(path).name, name);
+    }
+    EXPECT_EQ(identify_format(folder.file("potree") + "/metadata.json").name, "potree");
+}
+
+TEST(Format, WhatIsNotKnownNamesWhatIs) {
+    const TemporaryFolder folder;
+    const std::string empty = folder.file("empty.las"), text = folder.file("text.las"), bare = folder.file("bare");
+    write(empty, {});
+    write(text, test::bytes_of("hello"));
+    fs::create_directory(bare);
+    for (const auto& [path, part] : {std::pair(empty, "an empty file"), std::pair(text, "reads las (LAS 1.0"), std::pair(bare, "a folder without data")}) try {
+            identify_format(path);
+            FAIL() << path;
+        } catch (const Error& error) {
+            EXPECT_EQ(error.kind, ErrorKind::unsupported);
+            EXPECT_EQ(std::string(error.what()).rfind(path + ": ", 0), 0u) << error.what();
+            EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
+        }
+    EXPECT_THROW(identify_format(folder.file("none")), Error);
+}
+
+TEST(Format, SeveralFilesAreOneCloud) {
+    const TemporaryFolder folder;
+    std::vector<std::string> paths;
+    for (int i = 0; i < 5; ++i) {
+        test::LasFile las{.point_format = 0};
+        las.records = {test::las_record(0, {.x = i})};
+        paths.push_back(folder.file(std::to_string(i)));
+        write(paths.back(), las.bytes());
+    }
+    EXPECT_EQ(test::points_of(*open_points(paths)).x, (std::vector<int32_t>{0, 1, 2, 3, 4}));
+    paths.push_back(folder.file("none"));
+    EXPECT_THROW(open_points(paths), Error);
+    EXPECT_THROW(open_points({}), Error);
+}
+
+}  // namespace
+}  // namespace strata

@@ -1,0 +1,149 @@
+#include "io/merged_source.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/error.h"
+#include "io/las/las_source.h"
+#include "tests/support/las_file.h"
+#include "tests/support/points_of.h"
+
+namespace strata {
+namespace {
+
+using test::LasFile;
+using test::las_record;
+using test::values_of;
+using Values = std::vector<double>;
+
+std::unique_ptr<PointSource> merge(const std::vector<LasFile>& files) {
+    std::vector<std::unique_ptr<PointSource>> sources;
+    std::vector<std::string> names;
+    for (const LasFile& file : files) {
+        names.push_back("file" + std::to_string(names.size()));
+        sources.push_back(std::make_unique<LasSource>(memory_source(names.back(), file.bytes())));
+    }
+    return merge_sources(std::move(sources), std::move(names));
+}
+
+// 635000.00 and 636000.00 at a centimetre: integers leave as integers, moved by a whole shift, without any rounding.
+TEST(MergedSource, EqualScalesShiftByWholeQuanta) {
+    LasFile a{.offset = {635000.0, 0.0, 0.0}}, b{.offset = {636000.0, 0.0, 0.0}};
+    a.records = {las_record(0, {.x = 5, .y = INT32_MIN, .z = INT32_MAX})};
+    b.records = {las_record(0, {.x = -7, .y = INT32_MAX, .z = INT32_MIN})};
+    const auto merged = merge({a, b});
+    EXPECT_EQ(merged->info().points, 2u);
+    EXPECT_EQ(merged->batch_count(), 2u);
+    EXPECT_EQ(merged->info().quantization.offset.x(), 635000.0);
+    const PointBatch points = test::points_of(*merged);
+    EXPECT_EQ(points.x, (std::vector<int32_t>{5, 100'000 - 7}));
+    EXPECT_EQ(points.y, (std::vector<int32_t>{INT32_MIN, INT32_MAX}));
+    EXPECT_EQ(points.z, (std::vector<int32_t>{INT32_MAX, INT32_MIN}));
+}
+
+TEST(MergedSource, TheFinestScaleWins) {
+    LasFile coarse{.scale = {0.01, 0.01, 0.01}}, fine{.scale = {0.001, 0.002, 0.01}, .offset = {0.0005, 0.0, 0.0}};
+    coarse.records = {las_record(0, {.x = 123, .y = 123, .z = 123})};
+    fine.records = {las_record(0, {.x = 123, .y = 123, .z = 123})};
+    const auto merged = merge({coarse, fine});
+    EXPECT_EQ(merged->info().quantization.scale, Vec3d(0.001, 0.002, 0.01));
+    const PointBatch points = test::points_of(*merged);
+    EXPECT_EQ(points.x[0], 1230);
+    EXPECT_EQ(points.y[0], 615);
+    EXPECT_EQ(points.z[0], 123);
+    // Within half a quantum of 0.1235 m.
+    EXPECT_NEAR(points.x[1] * 0.001, 0.1235, 0.0005 + 1e-12);
+}
+
+TEST(MergedSource, FilesFarApartMoveTheOffset) {
+    LasFile a{.offset = {0.0, 0.0, 0.0}}, b{.offset = {3.0e7, 0.0, 0.0}};
+    a.records = {las_record(0, {.x = 1})};
+    b.records = {las_record(0, {.x = 2})};
+    b.min = b.max = {3.0e7 + 0.02, 0.0, 0.0};
+    a.min = a.max = {0.01, 0.0, 0.0};
+    const auto merged = merge({a, b});
+    const PointBatch points = test::points_of(*merged);
+    const Quantization& quantization = merged->info().quantization;
+    EXPECT_EQ(quantization.scale.x(), 0.01);
+    EXPECT_NEAR(quantization.world_from_quanta({points.x[0], 0, 0}).x(), 0.01, 1e-6);
+    EXPECT_NEAR(quantization.world_from_quanta({points.x[1], 0, 0}).x(), 3.0e7 + 0.02, 1e-6);
+}
+
+TEST(MergedSource, BeyondAllQuantaTheScaleIsWidenedAndSaid) {
+    LasFile a, b{.offset = {1.0e9, 0.0, 0.0}};
+    a.records = b.records = {las_record(0, {.x = 1})};
+    a.min = a.max = {0.01, 0.0, 0.0};
+    b.min = b.max = {1.0e9 + 0.01, 0.0, 0.0};
+    const auto merged = merge({a, b});
+    EXPECT_EQ(merged->info().quantization.scale.x(), 1.0);
+    EXPECT_EQ(merged->info().notes.size(), 1u);
+    const PointBatch points = test::points_of(*merged);
+    EXPECT_EQ(int64_t(points.x[1]) - points.x[0], 1'000'000'000);
+}
+
+TEST(MergedSource, PointsBeyondLyingBoundsAreAnErrorNotAWrap) {
+    LasFile a, b{.offset = {3.0e7, 0.0, 0.0}};  // bounds of both: 0 0 0
+    a.records = b.records = {las_record(0, {.x = 1})};
+    const auto merged = merge({a, b});
+    try {
+        test::points_of(*merged);
+        FAIL() << "wrapped";
+    } catch (const Error& error) {
+        EXPECT_EQ(error.kind, ErrorKind::limit);
+        EXPECT_EQ(std::string(error.what()).rfind("file1: points lie beyond", 0), 0u) << error.what();
+    }
+}
+
+TEST(MergedSource, AttributesAreTheUnionInTheUsualOrder) {
+    LasFile plain{.point_format = 0}, colored{.point_format = 2};
+    plain.vlrs = {{"LASF_Spec", 4, test::extra_bytes_entry("height", 3)}};
+    plain.records = {las_record(0, {.intensity = 7})};
+    test::put<uint16_t>(plain.records[0], 99);
+    colored.records = {las_record(2, {.intensity = 8, .rgb = {1, 2, 3000}})};
+    const auto merged = merge({plain, colored});
+    const PointBatch points = test::points_of(*merged);
+    EXPECT_EQ(merged->info().attributes[8].name, "rgb");
+    EXPECT_EQ(merged->info().attributes[9].name, "height");
+    EXPECT_EQ(values_of(*merged, points, "intensity"), (Values{7, 8}));
+    EXPECT_EQ(values_of(*merged, points, "rgb"), (Values{0, 0, 0, 1, 2, 3000}));
+    EXPECT_EQ(values_of(*merged, points, "height"), (Values{99, 0}));
+}
+
+TEST(MergedSource, ScanAnglesMeetInTheFinerUnit) {
+    LasFile old{.point_format = 0}, extended{.minor_version = 4, .point_format = 6};
+    old.records = {las_record(0, {.scan_angle = -90})};
+    extended.records = {las_record(6, {.scan_angle = 500})};
+    const auto merged = merge({old, extended});
+    EXPECT_EQ(find_attribute(merged->info().attributes, attribute_name::kScanAngleRank), -1);
+    EXPECT_EQ(values_of(*merged, test::points_of(*merged), "scan angle"), (Values{-15000, 500}));  // -90 / 0.006
+}
+
+TEST(MergedSource, AttributesStoredDifferentlyBecomeTrueValues) {
+    LasFile a, b;
+    a.vlrs = {{"LASF_Spec", 4, test::extra_bytes_entry("h", 3, 1 | 8, {0.5}, {}, 65535)}};
+    b.vlrs = {{"LASF_Spec", 4, test::extra_bytes_entry("h", 9)}};
+    for (const uint16_t stored : {3, 65535}) {
+        a.records.push_back(las_record(0, {}));
+        test::put(a.records.back(), stored);
+    }
+    b.records = {las_record(0, {})};
+    test::put(b.records[0], 0.25f);
+    const auto merged = merge({a, b});
+    const Values values = values_of(*merged, test::points_of(*merged), "h");
+    ASSERT_EQ(values.size(), 3u);
+    EXPECT_EQ(values[0], 1.5);
+    EXPECT_TRUE(std::isnan(values[1]));  // no data
+    EXPECT_EQ(values[2], 0.25);
+}
+
+TEST(MergedSource, EightBitColorIsWidenedNextToSixteen) {
+    LasFile bytes{.point_format = 2}, words{.point_format = 2};
+    bytes.records = {las_record(2, {.rgb = {0, 128, 255}})};
+    words.records = {las_record(2, {.rgb = {0, 128, 65535}})};
+    EXPECT_EQ(values_of(*merge({bytes, words}), test::points_of(*merge({bytes, words})), "rgb"), (Values{0, 128 * 257, 65535, 0, 128, 65535}));
+    EXPECT_EQ(values_of(*merge({bytes, bytes}), test::points_of(*merge({bytes, bytes})), "rgb"), (Values{0, 128, 255, 0, 128, 255}));
+}
+
+}  // namespace
+}  // namespace strata

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace strata::test {
+
+/// What a program did.
+struct ProgramResult {
+    int exit_code = -1;  // -1: it was ended by a signal
+    int signal = 0;      // that ended it, or 0
+    bool timed_out = false;  // and was killed for it
+    std::string out, err;    // what it wrote, at most 1 MiB each
+};
+
+struct ProgramLimits {
+    double seconds = 60.0;
+    uint64_t address_space_bytes = 0;  // 0: as it is; sanitizers need it so
+};
+
+/// Runs a program and waits for its end. words  the program's path, then its arguments; no shell sees them
+ProgramResult run_program(const std::vector<std::string>& words, const ProgramLimits& limits = {});
+
+/// Runs strata itself.
+ProgramResult run_strata(std::vector<std::string> words, const ProgramLimits& limits = {});
+
+/// Whether this build carries a sanitizer that reserves address space without bound.
+bool built_with_sanitizer();
+
+}  // namespace strata::test
