@@ -103,7 +103,7 @@ void Survey::plan_strips(BeamScanner& scanner, uint64_t points) {
 
 void Survey::plan_stations(BeamScanner& scanner, uint64_t points) {
     const uint64_t count = std::max<uint64_t>(points < 200'000 ? 2 : 4, (points + kStationPoints - 1) / kStationPoints);
-    const double farthest = std::clamp(0.75 * extent_, 60.0, 300.0);
+    const double farthest = std::clamp(0.5 * extent_, 50.0, 300.0);
     // Along the roads near the crossings of villages, the nearest villages first, on the side of the road.
     std::vector<Vec3d> eyes;
     for (int64_t ring = 0; eyes.size() < count; ++ring)
