@@ -174,13 +174,13 @@ const std::array<Rgba8, 256>& classification_colors() {
 }
 
 Rgba8 category_color(uint64_t number) {
-    // Hues a golden angle apart never come close soon; three lightnesses tell those apart that do later.
+    // Hues a golden angle apart never come close soon; four lightnesses tell those apart that do later.
     constexpr double kGoldenAngleDeg = 137.50776405003785;
-    static constexpr std::array<double, 3> kLightness = {0.74, 0.62, 0.84};
+    static constexpr std::array<double, 4> kLightness = {0.74, 0.60, 0.83, 0.67};
     static const std::array<Rgba8, 256> table = [] {
         std::array<Rgba8, 256> colors;
         for (size_t i = 0; i < colors.size(); ++i)
-            colors[i] = encode(displayable_linear(lab_of({kLightness[i % 3], 0.14, std::fmod(250.0 + kGoldenAngleDeg * double(i), 360.0)})));
+            colors[i] = encode(displayable_linear(lab_of({kLightness[i % 4], 0.14, std::fmod(250.0 + kGoldenAngleDeg * double(i), 360.0)})));
         return colors;
     }();
     return table[number % table.size()];

@@ -112,7 +112,8 @@ void for_each_value(const CloudInfo& info, const ColorChannel& channel, const Po
     const std::vector<std::byte>& column = batch.columns[size_t(channel.attribute)];
     const size_t step = channel.rule == Rule::rgb ? 1 : size_t(attribute.components);
     for (size_t i = size_t(channel.component); i < batch.size * size_t(attribute.components); i += step)
-        visit(load_scalar(attribute.type, column.data() + i * scalar_size(attribute.type)));
+        if (const double value = load_scalar(attribute.type, column.data() + i * scalar_size(attribute.type)); value != attribute.no_data)
+            visit(value);
 }
 
 // The scale and offset from stored to shown values.
@@ -156,7 +157,7 @@ ColorChannel find_color_channel(const CloudInfo& info, std::string_view name) {
     return attribute_channel(info, name);
 }
 
-ValueRange percentile_range(std::vector<double>& values, double low_share, double high_share) {
+ColorRange percentile_range(std::vector<double>& values, double low_share, double high_share) {
     std::erase_if(values, [](double value) { return !std::isfinite(value); });
     if (values.empty()) return {};
     const auto percentile = [&](double share) {
@@ -167,7 +168,7 @@ ValueRange percentile_range(std::vector<double>& values, double low_share, doubl
     return {percentile(low_share), percentile(high_share)};
 }
 
-ValueRange derive_range(const LayeredCloud& cloud, const ColorChannel& channel) {
+ColorRange derive_range(const LayeredCloud& cloud, const ColorChannel& channel) {
     assert(channel.needs_range());
     const CloudInfo& info = cloud.info();
     std::vector<double> values;
@@ -190,16 +191,17 @@ ValueRange derive_range(const LayeredCloud& cloud, const ColorChannel& channel) 
         const double most = values.empty() ? full : *std::max_element(values.begin(), values.end());
         return {0.0, most <= 255.0 && full > 255.0 ? 255.0 : full};
     }
-    const ValueRange stored = percentile_range(values);
+    const ColorRange stored = percentile_range(values);
     return {stored.low * scale + offset, stored.high * scale + offset};
 }
 
-PointColorizer::PointColorizer(const CloudInfo& info, const ColorChannel& channel, ValueRange range, std::string_view colormap)
+PointColorizer::PointColorizer(const CloudInfo& info, const ColorChannel& channel, ColorRange range, std::string_view colormap)
     : channel_(channel) {
     if (channel.attribute >= 0) {
         const Attribute& attribute = info.attributes[size_t(channel.attribute)];
         type_ = attribute.type;
         components_ = attribute.components;
+        no_data_ = attribute.no_data;
         wanted_.push_back(channel.attribute);
     }
     switch (channel.rule) {
@@ -256,10 +258,9 @@ void PointColorizer::color(const PointBatch& batch, uint32_t level, std::span<Rg
         const size_t step = size_t(components_);
         if (channel_.rule == Rule::ramp) {
             for (size_t i = 0; i < n; ++i) {
-                const double position = double(values[i * step]) * gain_ + bias_;
-                out[i] = table_[clamped_index(position, table_.size())];
-                if constexpr (std::is_floating_point_v<Scalar>)
-                    if (std::isnan(values[i * step])) out[i] = kNoValue;
+                const double value = double(values[i * step]);
+                const bool known = value == value && value != no_data_;
+                out[i] = known ? table_[clamped_index(value * gain_ + bias_, table_.size())] : kNoValue;
             }
         } else {
             for (size_t i = 0; i < n; ++i) out[i] = table_[category_of(values[i * step]) % table_.size()];

@@ -15,7 +15,7 @@
 namespace strata {
 
 /// Values from which to which a color map reaches, in the attribute's own units; the first may be the greater one.
-struct ValueRange {
+struct ColorRange {
     double low = 0.0, high = 1.0;
 };
 
@@ -51,10 +51,10 @@ std::string_view default_color(const CloudInfo& info);
 /// The range of a channel from a sample of the cloud: the nodes nearest to the root, which are evenly spread over it.
 /// Quantities reach from the 2nd to the 98th percentile, so that a stray echo or bird does not take all the contrast.
 /// Colors reach to 255 where no channel of any sampled point is larger, though stored in 16 bits, else to the type's
-/// maximum: one answer for the cloud, never one a channel. NaN and infinities do not count.
-ValueRange derive_range(const LayeredCloud& cloud, const ColorChannel& channel);
+/// maximum: one answer for the cloud, never one a channel. NaN, infinities and "no data" do not count.
+ColorRange derive_range(const LayeredCloud& cloud, const ColorChannel& channel);
 /// The same from values at hand.
-ValueRange percentile_range(std::vector<double>& values, double low_share = 0.02, double high_share = 0.98);
+ColorRange percentile_range(std::vector<double>& values, double low_share = 0.02, double high_share = 0.98);
 
 /// Colors points. Made once a frame or once a cloud; safe from several threads.
 class PointColorizer {
@@ -62,12 +62,12 @@ public:
     /// range     wanted where channel.needs_range(); ignored otherwise
     /// colormap  empty: the channel's own
     /// throws    Error{usage}: the color map is unknown
-    PointColorizer(const CloudInfo& info, const ColorChannel& channel, ValueRange range, std::string_view colormap = {});
+    PointColorizer(const CloudInfo& info, const ColorChannel& channel, ColorRange range, std::string_view colormap = {});
 
     /// Attributes that `color` reads: pass to read_node.
     std::span<const int> wanted() const { return wanted_; }
 
-    /// Colors all points of a batch; out has batch.size entries. Values that are not numbers become gray.
+    /// Colors all points of a batch; out has batch.size entries. NaN and "no data" become gray.
     /// level  of the points' node
     void color(const PointBatch& batch, uint32_t level, std::span<Rgba8> out) const;
 
@@ -75,6 +75,7 @@ private:
     ColorChannel channel_;
     ScalarType type_ = ScalarType::uint8;
     int components_ = 1;
+    double no_data_ = 0.0;            // stored value; NaN: there is none
     double gain_ = 0.0, bias_ = 0.0;  // table index = stored * gain + bias
     std::vector<Rgba8> table_;        // ramp: a color map; category and classification: by number
     std::vector<int> wanted_;

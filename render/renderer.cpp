@@ -121,9 +121,9 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     report.bound_by = selection.bound_by;
     watch.lap("select");
 
-    const ValueRange range = settings.range ? *settings.range
+    const ColorRange range = settings.range ? *settings.range
                              : settings.color.needs_range() ? derive_range(cloud, settings.color)
-                                                            : ValueRange{};
+                                                            : ColorRange{};
     const PointColorizer colors(cloud.info(), settings.color, range, settings.colormap);
     const std::vector<ResidentNode> points = load_nodes(cloud, selection.nodes, colors, settings.threads, report.failures);
     std::vector<std::unique_ptr<SpacingGrid>> grids;

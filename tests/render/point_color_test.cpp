@@ -84,7 +84,7 @@ TEST(PointColor, PercentilesLeaveOutliersOut) {
     values[500] = 1e30;
     values.push_back(std::numeric_limits<double>::quiet_NaN());
     values.push_back(-std::numeric_limits<double>::infinity());
-    const ValueRange range = percentile_range(values);
+    const ColorRange range = percentile_range(values);
     // The 20th and 980th of 1001 sorted values, of which 500 was replaced by one that is the greatest.
     EXPECT_EQ(range.low, 20.0);
     EXPECT_EQ(range.high, 981.0);
@@ -118,7 +118,7 @@ TEST(PointColor, ElevationIsInWorldUnits) {
     EXPECT_EQ(colors[0], map.colors().front());
     EXPECT_EQ(colors[1], map.colors()[Colormap::kColors / 2]);
     EXPECT_EQ(colors[2], map.colors().back());
-    const ValueRange range = derive_range(BatchCloud(info, {batch}), find_color_channel(info, "elevation"));
+    const ColorRange range = derive_range(BatchCloud(info, {batch}), find_color_channel(info, "elevation"));
     EXPECT_DOUBLE_EQ(range.low, 90.0);
     EXPECT_DOUBLE_EQ(range.high, 110.0);
 }
@@ -135,9 +135,22 @@ TEST(PointColor, ScaledAttributesAndValuesThatAreNoNumbers) {
     EXPECT_EQ(colors[1], map.colors().back());
     EXPECT_EQ(colors[2], make_rgba(128, 128, 128));
     EXPECT_EQ(colors[3], map.colors().back());
-    const ValueRange range = derive_range(BatchCloud(info, {batch}), channel);
+    const ColorRange range = derive_range(BatchCloud(info, {batch}), channel);
     EXPECT_EQ(range.low, 1.0);
     EXPECT_EQ(range.high, 5.0);
+}
+
+TEST(PointColor, NoDataHasNoColorAndNoShareInTheRange) {
+    CloudInfo info = lidar_info();
+    info.attributes[0].no_data = 65535;
+    PointBatch batch = batch_of(info, {0}, 3);
+    const uint16_t stored[3] = {10, 65535, 20};
+    std::copy(stored, stored + 3, batch.column<uint16_t>(0).begin());
+    const ColorChannel channel = find_color_channel(info, "intensity");
+    const ColorRange range = derive_range(BatchCloud(info, {batch}), channel);
+    EXPECT_EQ(range.low, 10.0);
+    EXPECT_EQ(range.high, 20.0);
+    EXPECT_EQ(colors_of(PointColorizer(info, channel, range), batch)[1], make_rgba(128, 128, 128));
 }
 
 TEST(PointColor, OneValueOnlyIsTheMiddleOfTheMap) {

@@ -1,0 +1,225 @@
+#include "app/commands/render_options.h"
+
+#include <charconv>
+#include <cmath>
+#include <numbers>
+#include <tuple>
+
+#include "core/error.h"
+#include "render/named_view.h"
+
+namespace strata {
+namespace {
+
+constexpr OptionRow kRows[] = {
+    {"--output", "-o", "FILE.png", "", "the picture; a world file (.pgw) comes beside it for georeferenced --ortho top views"},
+    {"--size", "-s", "WIDTHxHEIGHT", "1920x1080", "pixels, each side at most 16384"},
+    {"--view", "-v", "NAME", "iso", "iso, top, front, back, left or right, framed around the cloud; front looks north"},
+    {"--eye", "", "X,Y,Z", "", "free camera: where it stands, CRS units"},
+    {"--target", "", "X,Y,Z", "", "what it looks at; default: the cloud's center"},
+    {"--up", "", "X,Y,Z", "", "what is upwards in the picture; default: 0,0,1, and north for views straight down"},
+    {"--fov", "", "DEGREES", "45", "angle from the bottom to the top of the picture"},
+    {"--camera", "", "FILE.json", "", "the camera of a file, as --stats prints it"},
+    {"--ortho", "", "", "", "parallel projection: equal lengths look equal at any distance"},
+    {"--meters-per-pixel", "", "UNITS", "", "CRS units a pixel, for --ortho; sets the size too unless --size is given"},
+    {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, or an attribute; default: rgb, else elevation"},
+    {"--colormap", "", "NAME", "", "color map for quantities"},
+    {"--range", "", "LOW,HIGH", "", "values that the color map reaches over; default: 2nd to 98th percentile"},
+    {"--splat", "", "square|disc", "disc", "shape of a point"},
+    {"--point-size", "", "adaptive|PIXELS", "adaptive", "diameter of a point; adaptive: from the spacing of the points, so that surfaces close"},
+    {"--error", "", "PIXELS", "1", "detail: points left out lie this near to drawn ones"},
+    {"--budget", "", "POINTS", "20000000", "most points to draw"},
+    {"--edl", "", "STRENGTH[,RADIUS]", "1,2", "eye-dome lighting: how dark slopes get, and pixels to the neighbors; 0: off"},
+    {"--background", "", "COLOR", "#181c24", "'#rrggbb'"},
+    {"--transparent", "", "", "", "no background: alpha 0 where there are no points"},
+    {"--depth", "", "FILE.pfm", "", "also writes the depth along the view direction, CRS units, infinite at the background"},
+    {"--reference", "", "FILE.png", "", "compare with this picture; exit code 1 and a difference picture beside the output when over --threshold"},
+    {"--threshold", "", "VALUE", "0.01", "largest difference that passes"},
+    {"--stats", "", "", "", "one JSON object about the frame on standard output"},
+    {"--tile", "", "ROWS", "0", "rows of the picture in memory at a time; 0: as many as suit. Does not show in the picture"},
+    shared_option::kOverwrite,
+    shared_option::kThreads,
+    shared_option::kMemory,
+    shared_option::kQuiet,
+};
+
+[[noreturn]] void refuse(std::string_view flag, const std::string& expected, const std::string& text) {
+    throw Error(ErrorKind::usage, std::string(flag) + ": expected " + expected + ", got '" + text + "'");
+}
+
+double parse_double(std::string_view flag, std::string_view text, const std::string& expected, const std::string& whole) {
+    double value = 0.0;
+    const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (status != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) refuse(flag, expected, whole);
+    return value;
+}
+
+std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {
+    const std::string expected = "WIDTHxHEIGHT with sides from 1 to " + std::to_string(kLargestSide);
+    uint32_t sides[2] = {0, 0};
+    const char* const end = text.data() + text.size();
+    const auto [x, first] = std::from_chars(text.data(), end, sides[0]);
+    if (first != std::errc() || x == end || *x != 'x') refuse("--size", expected, text);
+    const auto [rest, second] = std::from_chars(x + 1, end, sides[1]);
+    if (second != std::errc() || rest != end) refuse("--size", expected, text);
+    for (const uint32_t side : sides)
+        if (side < 1 || side > kLargestSide) refuse("--size", expected, text);
+    return {sides[0], sides[1]};
+}
+
+Rgba8 parse_color(const std::string& text) {
+    uint32_t value = 0;
+    const bool sharp = !text.empty() && text[0] == '#';
+    const char* const begin = text.data() + (sharp ? 1 : 0);
+    const char* const end = text.data() + text.size();
+    const auto [rest, status] = std::from_chars(begin, end, value, 16);
+    if (end - begin != 6 || status != std::errc() || rest != end) refuse("--background", "a color such as '#203040'", text);
+    return make_rgba(uint8_t(value >> 16), uint8_t(value >> 8), uint8_t(value));
+}
+
+EdlSettings parse_edl(const std::string& text) {
+    const std::string expected = "STRENGTH or STRENGTH,RADIUS, such as 1 or 0.8,2";
+    EdlSettings edl;
+    const size_t comma = std::min(text.find(','), text.size());
+    edl.strength = float(parse_double("--edl", std::string_view(text).substr(0, comma), expected, text));
+    if (comma < text.size()) edl.radius_px = float(parse_double("--edl", std::string_view(text).substr(comma + 1), expected, text));
+    if (!(edl.strength >= 0.0f && edl.strength <= 1000.0f)) refuse("--edl", "a strength from 0 to 1000", text);
+    if (!(edl.radius_px >= 0.5f && edl.radius_px <= 64.0f)) refuse("--edl", "a radius from 0.5 to 64 pixels", text);
+    return edl;
+}
+
+SplatStyle parse_splat(const Options& options) {
+    SplatStyle splat;
+    const std::string shape = options.text("--splat"), size = options.text("--point-size");
+    if (shape != "square" && shape != "disc") refuse("--splat", "square or disc", shape);
+    splat.shape = shape == "square" ? SplatShape::square : SplatShape::disc;
+    if (size == "adaptive") return splat;
+    const std::string expected = "adaptive, or a diameter from 1 to 256 pixels";
+    splat.fixed_px = float(parse_double("--point-size", size, expected, size));
+    if (!(splat.fixed_px >= 1.0f && splat.fixed_px <= 256.0f)) refuse("--point-size", expected, size);
+    return splat;
+}
+
+Vec3d vector_of(const Options& options, std::string_view flag) {
+    const std::vector<double> values = options.numbers(flag, 3);
+    return {values[0], values[1], values[2]};
+}
+
+double parse_fov(const Options& options) {
+    const double degrees = options.number("--fov");
+    if (!(degrees > 0.0 && degrees <= 179.0)) refuse("--fov", "an angle above 0 and at most 179 degrees", options.text("--fov"));
+    return degrees * std::numbers::pi / 180.0;
+}
+
+double parse_units_per_pixel(const Options& options) {
+    const double units = options.number("--meters-per-pixel");
+    if (!(units > 0.0)) refuse("--meters-per-pixel", "a positive length", options.text("--meters-per-pixel"));
+    if (!options.given("--ortho")) throw Error(ErrorKind::usage, "--meters-per-pixel needs --ortho");
+    return units;
+}
+
+Camera free_camera(const Options& options, const LayeredCloud& cloud, std::span<const Vec3d> points) {
+    Camera camera;
+    camera.projection = options.given("--ortho") ? Projection::orthographic : Projection::perspective;
+    camera.fov_rad = parse_fov(options);
+    Box3d box;
+    for (const Vec3d& p : points) box.extend(p);
+    if (box.empty()) box = cloud.info().bounds;
+    camera.eye = vector_of(options, "--eye");
+    const Vec3d target = options.given("--target") ? vector_of(options, "--target") : box.center();
+    const Vec3d forward = target - camera.eye;
+    const bool vertical = forward.head<2>().norm() <= 1e-6 * std::abs(forward.z());
+    const Vec3d up = options.given("--up") ? vector_of(options, "--up") : vertical ? Vec3d::UnitY() : Vec3d::UnitZ();
+    camera.view_from_world = look_along(forward, up);
+    if (camera.projection == Projection::orthographic) {
+        // As much as a perspective camera with this angle sees at the target.
+        camera.height = 2.0 * forward.norm() * std::tan(0.5 * camera.fov_rad);
+    }
+    return camera;
+}
+
+// The size that shows the whole cloud at that scale.
+void fit_size(const Camera& camera, std::span<const Vec3d> points, double units_per_pixel, RenderSettings& settings) {
+    Box3d box;
+    for (const Vec3d& p : points) box.extend(camera.view_from_world * (p - camera.eye));
+    const Vec3d sides = box.empty() ? Vec3d(1, 1, 1) : Vec3d(box.size() / units_per_pixel);
+    if (!(sides.x() < kLargestSide - 1 && sides.y() < kLargestSide - 1))
+        throw Error(ErrorKind::usage, "--meters-per-pixel: the picture would have " + std::to_string(uint64_t(sides.x())) + " x " +
+                                          std::to_string(uint64_t(sides.y())) + " pixels; at most " + std::to_string(kLargestSide) +
+                                          " are possible; give --size for a part");
+    settings.width = uint32_t(std::ceil(sides.x())) + 1;
+    settings.height = uint32_t(std::ceil(sides.y())) + 1;
+}
+
+}  // namespace
+
+std::span<const OptionRow> render_option_rows() { return kRows; }
+
+void check_render_options(const Options& options) {
+    if (!options.given("--output")) throw Error(ErrorKind::usage, "render: -o FILE.png is missing");
+    parse_size(options.text("--size"));
+    parse_color(options.text("--background"));
+    parse_edl(options.text("--edl"));
+    parse_splat(options);
+    parse_fov(options);
+    if (options.given("--range")) options.numbers("--range", 2);
+    if (options.given("--meters-per-pixel")) parse_units_per_pixel(options);
+    if (!(options.number("--error") > 0.0)) refuse("--error", "a positive number of pixels", options.text("--error"));
+    options.integer("--budget", 1, 0xfffffffe);
+    options.integer("--tile", 0, kLargestSide);
+    options.number("--threshold");
+    for (const std::string_view flag : {"--target", "--up"})
+        if (options.given(flag) && !options.given("--eye")) throw Error(ErrorKind::usage, std::string(flag) + " needs --eye");
+    if (options.given("--eye") + options.given("--view") + options.given("--camera") > 1)
+        throw Error(ErrorKind::usage, "--view, --eye and --camera exclude each other");
+    if (options.given("--eye")) vector_of(options, "--eye");
+    thread_count(options);
+    memory_cap(options);
+}
+
+RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
+    RenderRequest request;
+    RenderSettings& settings = request.settings;
+    request.output = options.text("--output");
+    request.depth_output = options.text("--depth");
+    request.reference = options.text("--reference");
+    request.threshold = options.number("--threshold");
+    request.overwrite = options.given("--overwrite");
+    request.stats = options.given("--stats");
+    request.quiet = options.given("--quiet");
+
+    std::tie(settings.width, settings.height) = parse_size(options.text("--size"));
+    settings.background = options.given("--transparent") ? 0 : parse_color(options.text("--background"));
+    settings.edl = parse_edl(options.text("--edl"));
+    settings.splat = parse_splat(options);
+    settings.selection.error_px = options.number("--error");
+    settings.selection.point_budget = uint64_t(options.integer("--budget", 1, 0xfffffffe));
+    settings.tile_rows = uint32_t(options.integer("--tile", 0, kLargestSide));
+    settings.threads = thread_count(options);
+    settings.memory_bytes = memory_cap(options);
+    settings.color = find_color_channel(cloud.info(), options.given("--color") ? options.text("--color") : sensible_color(cloud));
+    settings.colormap = options.text("--colormap");
+    if (options.given("--range")) {
+        const std::vector<double> range = options.numbers("--range", 2);
+        settings.range = ColorRange{range[0], range[1]};
+    }
+
+    const std::vector<Vec3d> points = sample_positions(cloud);
+    const double aspect = double(settings.width) / settings.height;
+    if (options.given("--eye")) {
+        request.camera = free_camera(options, cloud, points);
+    } else {
+        const Projection projection = options.given("--ortho") ? Projection::orthographic : Projection::perspective;
+        request.camera = named_view(options.text("--view"), projection, parse_fov(options), points, aspect);
+    }
+    if (options.given("--meters-per-pixel")) {
+        const double units_per_pixel = parse_units_per_pixel(options);
+        if (!options.given("--size")) fit_size(request.camera, points, units_per_pixel, settings);
+        request.camera.height = units_per_pixel * settings.height;
+    }
+    fit_depth_range(request.camera, cloud.info().bounds);
+    check_camera(request.camera);
+    return request;
+}
+
+}  // namespace strata

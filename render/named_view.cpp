@@ -1,0 +1,100 @@
+#include "render/named_view.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/error.h"
+#include "render/point_color.h"
+
+namespace strata {
+namespace {
+
+constexpr size_t kSamplePoints = 50'000;
+constexpr size_t kSampleNodes = 4096;
+constexpr double kViewMargin = 0.03;  // of the picture, at each side
+constexpr double kStrayShare = 1e-3;  // of the points may be strays at each end of an axis
+
+struct View {
+    std::string_view name;
+    std::array<double, 3> forward, up;
+};
+// iso looks down by 35 degrees from a corner, which keeps all three axes in sight.
+constexpr View kViews[] = {
+    {"iso", {-0.58, 0.58, -0.57}, {0, 0, 1}}, {"top", {0, 0, -1}, {0, 1, 0}},  {"front", {0, 1, 0}, {0, 0, 1}},
+    {"back", {0, -1, 0}, {0, 0, 1}},          {"left", {1, 0, 0}, {0, 0, 1}}, {"right", {-1, 0, 0}, {0, 0, 1}},
+};
+
+// Drops points outside the box of nearly all others grown by half its size, per axis.
+void drop_strays(std::vector<Vec3d>& points) {
+    const size_t strays = size_t(double(points.size()) * kStrayShare);
+    if (strays == 0) return;
+    Box3d kept;
+    std::vector<double> values(points.size());
+    for (int axis = 0; axis < 3; ++axis) {
+        std::transform(points.begin(), points.end(), values.begin(), [&](const Vec3d& p) { return p[axis]; });
+        std::nth_element(values.begin(), values.begin() + long(strays), values.end());
+        const double low = values[strays];
+        std::nth_element(values.begin(), values.end() - 1 - long(strays), values.end());
+        const double high = values[values.size() - 1 - strays];
+        kept.min[axis] = low - 0.5 * (high - low);
+        kept.max[axis] = high + 0.5 * (high - low);
+    }
+    std::erase_if(points, [&](const Vec3d& p) { return !kept.contains(p); });
+}
+
+}  // namespace
+
+std::vector<Vec3d> sample_positions(LayeredCloud& cloud) {
+    std::vector<Vec3d> points;
+    if (cloud.node_count() == 0) return points;
+    const Quantization& quantization = cloud.info().quantization;
+    std::vector<NodeId> queue = {cloud.root()};  // breadth first
+    PointBatch batch;
+    for (size_t next = 0; next < std::min(queue.size(), kSampleNodes) && points.size() < kSamplePoints; ++next) {
+        if (cloud.node(queue[next]).children_pending) cloud.load_children(queue[next]);
+        const LayeredNode& node = cloud.node(queue[next]);
+        for (uint32_t child = 0; child < node.child_count; ++child) queue.push_back(node.first_child + child);
+        if (node.points == 0) continue;
+        cloud.read_node(queue[next], {}, batch);
+        for (size_t i = 0; i < batch.size; ++i)
+            points.push_back(quantization.world_from_quanta({batch.x[i], batch.y[i], batch.z[i]}));
+    }
+    drop_strays(points);
+    return points;
+}
+
+Camera named_view(std::string_view name, Projection projection, double fov_rad, std::span<const Vec3d> points, double aspect) {
+    std::string names;
+    for (const View& view : kViews) {
+        names += (names.empty() ? "" : ", ") + std::string(view.name);
+        if (view.name != name) continue;
+        Camera camera;
+        camera.projection = projection;
+        camera.fov_rad = fov_rad;
+        camera.view_from_world = look_along(Vec3d(view.forward.data()), Vec3d(view.up.data()));
+        frame_points(camera, points, aspect, kViewMargin);
+        return camera;
+    }
+    throw Error(ErrorKind::usage, "--view: expected one of " + names + ", got '" + std::string(name) + "'");
+}
+
+std::string sensible_color(const LayeredCloud& cloud) {
+    const CloudInfo& info = cloud.info();
+    const int rgb = find_attribute(info.attributes, attribute_name::kRgb);
+    if (rgb >= 0 && cloud.node_count() > 0) {
+        PointBatch batch;
+        const int wanted[] = {rgb};
+        // The first node on the way down that has points speaks for the cloud.
+        for (NodeId id = cloud.root(); id != kNoNode; id = cloud.node(id).first_child) {
+            if (cloud.node(id).points == 0) continue;
+            cloud.read_node(id, wanted, batch);
+            const std::vector<std::byte>& values = batch.columns[size_t(rgb)];
+            if (std::any_of(values.begin(), values.end(), [](std::byte value) { return value != std::byte{0}; })) return "rgb";
+            break;
+        }
+    }
+    return "elevation";
+}
+
+}  // namespace strata

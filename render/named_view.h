@@ -1,0 +1,25 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/math/camera.h"
+#include "core/octree/layered_cloud.h"
+
+namespace strata {
+
+/// World positions of the points nearest to the root, which are evenly spread over the cloud. A few points far from all
+/// others, such as birds and stray echoes, are left out, so that they do not decide what a picture shows.
+/// returns  empty for a cloud without points
+std::vector<Vec3d> sample_positions(LayeredCloud& cloud);
+
+/// The camera of `--view`: iso, top, front, back, left or right, framed around the points. front looks north.
+/// throws  Error{usage}, naming the views there are
+Camera named_view(std::string_view name, Projection projection, double fov_rad, std::span<const Vec3d> points, double aspect);
+
+/// What `--color` is when the user did not say: rgb where some point has a color, else elevation.
+std::string sensible_color(const LayeredCloud& cloud);
+
+}  // namespace strata
