@@ -23,7 +23,7 @@ struct RenderSettings {
     uint32_t width = 1920, height = 1080;
     ColorChannel color;
     std::string colormap;              // empty: the channel's own
-    std::optional<ValueRange> range;   // none: derived from the cloud
+    std::optional<ColorRange> range;   // none: derived from the cloud
     SplatStyle splat;
     SelectionSettings selection;       // memory_points is set by render_frame
     EdlSettings edl;

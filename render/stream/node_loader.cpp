@@ -31,7 +31,8 @@ double spacing_of(const LayeredCloud& cloud, NodeId id, const ResidentNode& poin
     if (node.child_count > 0 || node.children_pending) return node.spacing;
     const double most = node.parent != kNoNode ? cloud.node(node.parent).spacing : 4.0 * node.spacing;
     const double measured = measure_spacing(points.x, points.y, points.z, cloud.info().quantization.scale);
-    return measured > 0.0 ? std::min(measured, most) : most;
+    // Points of a leaf lie at random: larger splats than on an even sampling close the gaps between them.
+    return measured > 0.0 ? std::min(1.25 * measured, most) : most;
 }
 
 }  // namespace
