@@ -27,7 +27,7 @@ fi
 install_packages() {
     local name missing=()
     local installed
-    installed=" $(dpkg-query -W -f='${db:Status-Abbrev}${Package} ' "$@" 2>/dev/null) "
+    installed=" $(dpkg-query -W -f='${db:Status-Abbrev}${Package} ' "$@" 2>/dev/null || true) "  # it fails on names it never saw
     for name in "$@"; do
         [ -n "$name" ] && [[ "$installed" != *" ii $name "* && "$installed" != *" hi $name "* ]] && missing+=("$name")
     done

@@ -1,17 +1,112 @@
+// strata sample: a simulated scan whose truth is known.
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
 #include "app/commands/commands.h"
 #include "core/error.h"
+#include "core/simulate/scan_cloud.h"
+#include "core/simulate/scan_stream.h"
+#include "io/las/las_writer.h"
 
 namespace strata {
 namespace {
 
-constexpr OptionRow kRows[] = {shared_option::kThreads, shared_option::kQuiet};
+constexpr OptionRow kRows[] = {
+    {"--points", "-n", "N", "1000000", "points to write, 1 to 10000000000; the scene grows with them, to about 25 points a square metre"},
+    {"--scene", "", "NAME", "village", "what is scanned: village"},
+    {"--mode", "", "MODE", "airborne", "how it is scanned: airborne (strips), terrestrial (stations) or both (3/5 from the air)"},
+    {"--noise", "", "METRES", "0.01", "standard deviation of a beam's range"},
+    {"--seed", "", "K", "1", "whole number that decides the scene and every beam"},
+    shared_option::kThreads,
+    shared_option::kOverwrite,
+    shared_option::kQuiet,
+    shared_option::kJson,
+};
 
-int run(const Options&) { throw Error(ErrorKind::unsupported, "sample: not built yet"); }
+constexpr int64_t kMostPoints = 10'000'000'000;
+constexpr double kMostNoise = 100.0;  // metres
+
+SurveyMode parse_mode(const std::string& text) {
+    if (text == "airborne") return SurveyMode::airborne;
+    if (text == "terrestrial") return SurveyMode::terrestrial;
+    if (text == "both") return SurveyMode::both;
+    throw Error(ErrorKind::usage, "--mode: expected airborne, terrestrial or both, got '" + text + "'");
+}
+
+// One line on a terminal, renewed a few times a second.
+class Progress {
+public:
+    Progress(uint64_t total, bool shown) : total_(total), shown_(shown && ::isatty(STDERR_FILENO)) {}
+    Progress(const Progress&) = delete;
+    Progress& operator=(const Progress&) = delete;
+    ~Progress() {
+        if (shown_) std::fputs("\r\033[K", stderr);
+    }
+
+    void show(uint64_t done) {
+        const double now = seconds();
+        if (!shown_ || now - last_ < 0.2) return;
+        last_ = now;
+        const double rate = double(done) / now;
+        std::fprintf(stderr, "\r\033[Kscanning %3.0f %%  %.1f M points/s  %.0f s left", 100.0 * double(done) / double(total_), rate * 1e-6,
+                     double(total_ - done) / rate);
+    }
+    double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count(); }
+
+private:
+    uint64_t total_;
+    bool shown_;
+    std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+    double last_ = 0.0;
+};
+
+int run(const Options& options) {
+    const std::string& path = options.positional[0];
+    SurveySettings settings;
+    settings.points = uint64_t(options.integer("--points", 1, kMostPoints));
+    settings.noise = options.number("--noise");
+    settings.seed = uint64_t(options.integer("--seed", 0, INT64_MAX));
+    settings.mode = parse_mode(options.text("--mode"));
+    if (settings.noise < 0.0 || settings.noise > kMostNoise)
+        throw Error(ErrorKind::usage, "--noise: expected 0 to 100 metres, got '" + options.text("--noise") + "'");
+    if (options.text("--scene") != "village")
+        throw Error(ErrorKind::usage, "--scene: expected village, got '" + options.text("--scene") + "'");
+    const int threads = thread_count(options);
+    const bool quiet = options.given("--quiet"), json = options.given("--json");
+
+    LasWriter writer(path, {.quantization = scan_quantization(), .crs_wkt = std::string(scan_crs()), .attributes = scan_attributes(),
+                            .system_identifier = "strata scan simulator", .generating_software = "strata sample",
+                            .creation_day = 1, .creation_year = 2026, .overwrite = options.given("--overwrite")},
+                     settings.points);
+    const VillageScene scene(settings.seed);
+    const Survey survey(scene, settings);
+    Progress progress(settings.points, !quiet && !json);
+    PointBatch batch;
+    stream_scan(scene, survey, threads, [&](std::span<const ScanPoint> points) {
+        fill_scan_batch(points, batch);
+        writer.write(batch);
+        progress.show(writer.points());
+    });
+    const uint64_t bytes = writer.size_bytes();
+    writer.finish();
+    const double seconds = progress.seconds();
+    if (json) {
+        const nlohmann::ordered_json report = {{"output", path}, {"points_written", writer.points()}, {"output_bytes", bytes}, {"seconds", seconds},
+                                               {"scene", "village"}, {"mode", options.text("--mode")}, {"noise", settings.noise}, {"seed", settings.seed}};
+        std::printf("%s\n", report.dump().c_str());
+    } else if (!quiet) {
+        std::fprintf(stderr, "%s: %llu points, %.1f MB, %.1f s\n", path.c_str(), static_cast<unsigned long long>(writer.points()), double(bytes) * 1e-6, seconds);
+    }
+    return 0;
+}
 
 }  // namespace
 
 Command sample_command() {
-    return {.name = "sample", .summary = "a simulated scan whose truth is known", .positional = "OUT", .least_positional = 1, .rows = kRows, .run = run};
+    return {.name = "sample", .summary = "a simulated scan whose truth is known", .positional = "OUT.las", .least_positional = 1, .most_positional = 1, .rows = kRows, .run = run};
 }
 
 }  // namespace strata

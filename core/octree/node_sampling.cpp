@@ -2,15 +2,20 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 
 #include "core/math/random.h"
 
 namespace strata {
 
-NodeSampler::NodeSampler(const OctreeFrame& frame) : frame_(frame), first_in_cell_(size_t(kCells) * kCells * kCells, 0) {}
+NodeSampler::NodeSampler(const OctreeFrame& frame)
+    : frame_(frame), occupied_(size_t(kCells) * kCells * kRowBytes, 0), first_in_cell_(size_t(kCells) * kCells * kCells) {}
 
 void NodeSampler::start(const NodeKey& node) {
-    for (const Kept& kept : kept_) first_in_cell_[cell_of(kept.p)] = 0;
+    for (const Kept& kept : kept_) {
+        const Cell cell(kept.p);
+        occupied_[cell.row() * kRowBytes + size_t(cell.x) / 8] = 0;
+    }
     kept_.clear();
     spacings_per_quantum_ = frame_.scale / frame_.spacing(node.level);
     corner_ = Vec3d(node.x, node.y, node.z) * kSpacingsPerSide;
@@ -20,15 +25,14 @@ Vec3f NodeSampler::in_spacings(const Vec3i& p_quanta) const {
     return (p_quanta.cast<double>().cwiseProduct(spacings_per_quantum_) - corner_).cast<float>();
 }
 
-size_t NodeSampler::cell_of(const Vec3f& p) {
-    const int x = int(p.x() + float(kMargin)), y = int(p.y() + float(kMargin)), z = int(p.z() + float(kMargin));
-    return (size_t(z) * kCells + size_t(y)) * kCells + size_t(x);
-}
-
 void NodeSampler::insert(const Vec3f& p) {
-    uint32_t& first = first_in_cell_[cell_of(p)];
-    kept_.push_back({p, first});
-    first = uint32_t(kept_.size());
+    const Cell cell(p);
+    uint8_t& bits = occupied_[cell.row() * kRowBytes + size_t(cell.x) / 8];
+    const uint8_t bit = uint8_t(1u << cell.x % 8);
+    uint32_t& first = first_in_cell_[cell.index()];
+    kept_.push_back({p, bits & bit ? first : kNone});
+    first = uint32_t(kept_.size()) - 1;
+    bits |= bit;
 }
 
 void NodeSampler::add_seed(const Vec3i& p_quanta) {
@@ -41,32 +45,39 @@ bool NodeSampler::near_faces(const Vec3i& p_quanta) const {
     return (p.array() < 1.0f).any() || (p.array() > float(kSpacingsPerSide) - 1.0f).any();
 }
 
-bool NodeSampler::any_within_spacing(const Vec3f& p, uint32_t first) const {
-    for (uint32_t at = first; at != 0; at = kept_[at - 1].next)
-        if ((kept_[at - 1].p - p).squaredNorm() < 1.0f) return true;
+bool NodeSampler::any_within_spacing(const Vec3f& p, size_t cell) const {
+    for (uint32_t at = first_in_cell_[cell]; at != kNone; at = kept_[at].next)
+        if ((kept_[at].p - p).squaredNorm() < 1.0f) return true;
     return false;
 }
 
 bool NodeSampler::has_close_neighbour(const Vec3f& p) const {
-    const uint32_t* cell = first_in_cell_.data() + cell_of(p);
-    if (any_within_spacing(p, *cell)) return true;
-    const float y_part = p.y() - std::floor(p.y()), z_part = p.z() - std::floor(p.z());
-    const float y_gap[3] = {y_part, 0.0f, 1.0f - y_part}, z_gap[3] = {z_part, 0.0f, 1.0f - z_part};
-    for (int dz = -1; dz <= 1; ++dz)
-        for (int dy = -1; dy <= 1; ++dy) {
-            const float gap_squared = y_gap[dy + 1] * y_gap[dy + 1] + z_gap[dz + 1] * z_gap[dz + 1];
-            if (gap_squared >= 1.0f) continue;
-            const uint32_t* row = cell + (ptrdiff_t(dz) * kCells + dy) * kCells;
-            if (row[-1] && any_within_spacing(p, row[-1])) return true;
-            if (row[0] && any_within_spacing(p, row[0])) return true;
-            if (row[1] && any_within_spacing(p, row[1])) return true;
-        }
+    // The occupancy of the 27 cells around as one mask, gathered without branches: what is left to guess for the
+    // processor is how many cells are occupied and which decides.
+    const Cell cell(p);
+    const uint8_t* bytes = occupied_.data() + cell.row() * kRowBytes + size_t(cell.x - 1) / 8;
+    const int shift = (cell.x - 1) % 8;
+    uint32_t mask = 0;
+    for (int row = 0; row < 9; ++row) {
+        uint16_t bits;
+        std::memcpy(&bits, bytes + (ptrdiff_t(row / 3 - 1) * kCells + (row % 3 - 1)) * ptrdiff_t(kRowBytes), sizeof bits);
+        mask |= uint32_t(bits >> shift & 7) << 3 * row;
+    }
+    constexpr uint32_t kOwnCell = 1u << 13;
+    const size_t own = cell.index();
+    if (mask & kOwnCell && any_within_spacing(p, own)) return true;
+    for (mask &= ~kOwnCell; mask != 0; mask &= mask - 1) {
+        const int bit = std::countr_zero(mask);
+        const ptrdiff_t row = ptrdiff_t(bit / 9 - 1) * kCells + (bit / 3 % 3 - 1);
+        if (any_within_spacing(p, own + size_t(row * kCells + bit % 3 - 1))) return true;
+    }
     return false;
 }
 
 void NodeSampler::sample(std::span<const Vec3i> positions, std::vector<uint32_t>& kept) {
     kept.clear();
     candidates_.resize(positions.size());
+    is_kept_.assign(positions.size(), false);
     for (size_t i = 0; i < positions.size(); ++i) candidates_[i] = in_spacings(positions[i]);
     // A random permutation without a table: a bijection of the numbers below the next power of two, those beyond n
     // left out. Multiplying by odd numbers and shifting right are both invertible there.
@@ -82,9 +93,10 @@ void NodeSampler::sample(std::span<const Vec3i> positions, std::vector<uint32_t>
         i = (i * 0xc2b2ae35u) & mask;
         if (i >= positions.size() || has_close_neighbour(candidates_[i])) continue;
         insert(candidates_[i]);
-        kept.push_back(i);
+        is_kept_[i] = true;
     }
-    std::sort(kept.begin(), kept.end());
+    for (uint32_t i = 0; i < positions.size(); ++i)
+        if (is_kept_[i]) kept.push_back(i);
 }
 
 }  // namespace strata

@@ -11,7 +11,7 @@ namespace strata {
 /// Picks the points that inner nodes keep: a maximal subset in which no two points are closer than the node's spacing,
 /// chosen in a random but fixed order, so that it looks like blue noise. Points of neighbouring nodes that were chosen
 /// before can be planted as seeds; they keep their distance too, so that borders do not show.
-/// Holds 9 MB that it reuses; one per thread.
+/// Holds 10 MB that it reuses; one per thread.
 /// source  dart throwing on a grid, after R. Bridson, "Fast Poisson Disk Sampling in Arbitrary Dimensions", SIGGRAPH
 ///         2007 sketches; the candidates are the real points
 class NodeSampler {
@@ -33,26 +33,37 @@ public:
     bool near_faces(const Vec3i& p_quanta) const;
 
 private:
+    static constexpr uint32_t kNone = ~uint32_t{0};
     struct Kept {
         Vec3f p;        // in spacings from the node's lowest corner
-        uint32_t next;  // 1 + index of the next in the same cell; 0: none
+        uint32_t next;  // index of the next in the same cell, or kNone
     };
     // Cells of one spacing; two more on each side so that seeds and neighbour cells stay inside.
     static constexpr int kMargin = 2;
     static constexpr int kCells = int(kSpacingsPerSide) + 2 * kMargin;
 
+    static constexpr size_t kRowBytes = (kCells + 7) / 8 + 1;  // a row of occupancy bits; 16 bits can be read at each
+
+    struct Cell {
+        int x, y, z;
+        explicit Cell(const Vec3f& p) : x(int(p.x() + float(kMargin))), y(int(p.y() + float(kMargin))), z(int(p.z() + float(kMargin))) {}
+        size_t row() const { return size_t(z) * kCells + size_t(y); }
+        size_t index() const { return row() * kCells + size_t(x); }
+    };
+
     Vec3f in_spacings(const Vec3i& p_quanta) const;
-    static size_t cell_of(const Vec3f& p);
-    bool any_within_spacing(const Vec3f& p, uint32_t first) const;
+    bool any_within_spacing(const Vec3f& p, size_t cell) const;
     bool has_close_neighbour(const Vec3f& p) const;
     void insert(const Vec3f& p);
 
     OctreeFrame frame_;
     Vec3d spacings_per_quantum_ = Vec3d::Zero();
     Vec3d corner_ = Vec3d::Zero();  // of the node, in spacings from the root's corner
-    std::vector<uint32_t> first_in_cell_;  // [kCells^3] 1 + index into kept_, 0: empty
+    std::vector<uint8_t> occupied_;        // [kCells^2][kRowBytes] a bit a cell: small enough to stay in cache
+    std::vector<uint32_t> first_in_cell_;  // [kCells^3] index into kept_; read only where the bit is set
     std::vector<Kept> kept_;
     std::vector<Vec3f> candidates_;
+    std::vector<bool> is_kept_;            // [candidates_]
 };
 
 }  // namespace strata

@@ -1,0 +1,202 @@
+#include "core/simulate/survey.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace strata {
+namespace {
+
+constexpr double kDensity = 25.0;             // points per square metre from the air
+constexpr double kLeastExtent = 150.0;        // metres
+constexpr double kSwathHalfAngle = 25.0 * std::numbers::pi / 180.0;
+constexpr double kSidelap = 1.3;              // swath over spacing
+constexpr double kWidestSpacing = 250.0;      // of strips, metres
+constexpr double kFlightSpeed = 50.0;         // m/s
+constexpr double kTurnTime = 90.0;            // s, between strips
+constexpr double kFirstTime = 400'000'000.0;  // adjusted standard GPS time
+constexpr uint64_t kBlockPulses = 32768;
+constexpr double kMargin = 1.01;              // pulses planned over those that the pilot beams ask for
+constexpr double kLowestBeam = -60.0 * std::numbers::pi / 180.0;  // elevation; the tripod hides what is below
+constexpr double kStationTime = 240.0;        // s for a whole turn
+constexpr double kEyeHeight = 1.85;           // metres
+constexpr uint64_t kStationPoints = 20'000'000;
+constexpr uint16_t kFirstStationId = 5001;
+
+uint64_t pulse_seed(uint64_t seed, uint64_t part, uint64_t line, uint64_t pulse) {
+    return mix_bits(seed ^ mix_bits(part ^ mix_bits(line ^ mix_bits(pulse))));
+}
+
+int16_t scan_angle_units(double radians) { return int16_t(std::lround(radians * 180.0 / std::numbers::pi / 0.006)); }
+
+// From a place on the flight line of a strip, `angle` to the left of straight down as seen in the direction of flight.
+Ray strip_ray(const AirborneStrips& strips, uint64_t strip, double along, double angle, double pitch) {
+    const double heading = strip % 2 == 0 ? 1.0 : -1.0;
+    const double y = (double(strip) - 0.5 * double(strips.strips - 1)) * strips.spacing;
+    Ray ray;
+    ray.origin = Vec3d(heading * (along - 0.5 * strips.extent), y, strips.altitude);
+    ray.direction = Vec3d(heading * std::sin(pitch), heading * std::sin(angle) * std::cos(pitch), -std::cos(angle) * std::cos(pitch));
+    return ray;
+}
+
+Ray station_ray(const Station& station, double azimuth, double elevation) {
+    const double level = std::cos(elevation);
+    return {station.eye, Vec3d(level * std::sin(azimuth), level * std::cos(azimuth), std::sin(elevation))};
+}
+
+}  // namespace
+
+Survey::Survey(const VillageScene& scene, const SurveySettings& settings) : scene_(&scene), settings_(settings) {
+    SceneProbe probe(scene);
+    const uint64_t from_air = settings.mode == SurveyMode::airborne ? settings.points
+                              : settings.mode == SurveyMode::both   ? settings.points - settings.points * 2 / 5
+                                                                    : 0;
+    extent_ = std::max(kLeastExtent, std::sqrt(double(settings.points) / kDensity));
+    if (from_air > 0) plan_strips(probe, from_air);
+    if (settings.points > from_air) plan_stations(probe, settings.points - from_air);
+}
+
+void Survey::plan_strips(SceneProbe& probe, uint64_t points) {
+    SurveyPart part;
+    part.quota = points;
+    part.start_time = kFirstTime;
+    AirborneStrips& strips = part.strips;
+    strips.extent = extent_;
+    strips.strips = std::max<uint64_t>(2, uint64_t(std::ceil(extent_ / kWidestSpacing)));
+    strips.spacing = extent_ / double(strips.strips);
+    strips.swath = strips.spacing * kSidelap;
+    const double height = 0.5 * strips.swath / std::tan(kSwathHalfAngle);
+    double ground = 0.0;
+    constexpr int kSamples = 5;
+    for (int i = 0; i < kSamples; ++i)
+        for (int j = 0; j < kSamples; ++j)
+            ground += scene_->terrain().height((i / 4.0 - 0.5) * extent_, (j / 4.0 - 0.5) * extent_) / (kSamples * kSamples);
+    strips.altitude = ground + height;
+    part.beam = {.noise = settings_.noise, .divergence = 0.00025, .exit_radius = 0.02, .reference_range = height};
+
+    // Pilot beams: short lines all over the square tell how many echoes a pulse gives here.
+    constexpr uint64_t kPilotLines = 320, kPilotPulses = 48;
+    std::vector<ScanPoint> echoes;
+    uint64_t echo_count = 0;
+    for (uint64_t line = 0; line < kPilotLines; ++line) {
+        const uint64_t strip = line * strips.strips / kPilotLines;
+        Random random(pulse_seed(settings_.seed, 0x70696c6f74u, line, 0));
+        const double along = std::fmod((double(line) * double(strips.strips) / kPilotLines + random.uniform() / 8.0) , 1.0) * extent_;
+        for (uint64_t i = 0; i < kPilotPulses; ++i) {
+            const double angle = kSwathHalfAngle * (2.0 * (double(i) + random.uniform()) / kPilotPulses - 1.0);
+            echoes.clear();
+            fire(probe, strip_ray(strips, strip, along, angle, 0.0), part.beam, random.bits(), {}, echoes);
+            echo_count += echoes.size();
+        }
+    }
+    const double echoes_per_pulse = std::max(0.2, double(echo_count) / double(kPilotLines * kPilotPulses));
+    const double pulses = kMargin * double(points) / echoes_per_pulse;
+    const double spacing = std::sqrt(extent_ * strips.swath * double(strips.strips) / pulses);
+    strips.pulses = std::max<uint64_t>(4, uint64_t(std::ceil(strips.swath / spacing)));
+    strips.lines = std::max<uint64_t>(1, uint64_t(std::ceil(pulses / double(strips.strips * strips.pulses))));
+    strips.lines_per_block = std::max<uint64_t>(1, std::min(strips.lines, kBlockPulses / strips.pulses));
+    const uint64_t blocks_per_strip = (strips.lines + strips.lines_per_block - 1) / strips.lines_per_block;
+    part.planned_blocks = strips.strips * blocks_per_strip;
+    parts_.push_back(part);
+}
+
+void Survey::plan_stations(SceneProbe& probe, uint64_t points) {
+    const uint64_t count = std::max<uint64_t>(points < 200'000 ? 2 : 4, (points + kStationPoints - 1) / kStationPoints);
+    const double farthest = std::clamp(0.75 * extent_, 60.0, 300.0);
+    // Along the roads near the crossings of villages, the nearest villages first, on the side of the road.
+    std::vector<Vec3d> eyes;
+    for (int64_t ring = 0; eyes.size() < count; ++ring)
+        for (int64_t row = -ring; row <= ring && eyes.size() < count; ++row)
+            for (int64_t column = -ring; column <= ring && eyes.size() < count; ++column) {
+                if (std::max(std::abs(row), std::abs(column)) != ring || !scene_->land().settled(column, row)) continue;
+                const Vec2d crossing = scene_->land().crossing(column, row);
+                for (int spot = 0; spot < 8 && eyes.size() < count; ++spot) {
+                    const double s = (spot % 2 == 0 ? 1.0 : -1.0) * (8.0 + 13.0 * (spot / 2));
+                    Vec2d place;
+                    if ((spot / 2) % 2 == 0) place = {crossing.x() + s, scene_->land().east_road_y(row, crossing.x() + s) - 3.6};
+                    else place = {scene_->land().north_road_x(column, crossing.y() + s) - 3.6, crossing.y() + s};
+                    const Vec3d eye(place.x(), place.y(), probe.ground(place.x(), place.y()).height + kEyeHeight);
+                    if (probe.nearest_surface(eye).distance > 0.8 && !probe.buried(eye, 0.0)) eyes.push_back(eye);
+                }
+            }
+    for (uint64_t i = 0; i < count; ++i) {
+        SurveyPart part;
+        part.quota = points / count + (i < points % count ? 1 : 0);
+        part.airborne = false;
+        part.source_id = uint16_t(kFirstStationId + i % 60000);
+        part.start_time = kFirstTime + 500'000.0 + double(i) * 900.0;
+        part.beam = {.noise = settings_.noise, .divergence = 0.0001, .exit_radius = 0.004, .farthest = farthest, .reference_range = 14.0, .range_resolution = 0.3, .most_returns = 3};
+        Station& station = part.station;
+        station.eye = eyes[i];
+        constexpr uint64_t kPilotPulses = 6000;
+        constexpr double kHighest = 0.5 * std::numbers::pi;
+        Random random(pulse_seed(settings_.seed, 0x70696c6f74u, i, 1));
+        std::vector<ScanPoint> echoes;
+        for (uint64_t pulse = 0; pulse < kPilotPulses; ++pulse)
+            fire(probe, station_ray(station, 2.0 * std::numbers::pi * double(pulse) / kPilotPulses, random.uniform(kLowestBeam, kHighest)), part.beam, random.bits(), {}, echoes);
+        const double pulses = kMargin * double(part.quota) * double(kPilotPulses) / double(std::max<size_t>(echoes.size(), kPilotPulses / 8));
+        const double step = std::sqrt(2.0 * std::numbers::pi * (kHighest - kLowestBeam) / pulses);
+        station.rows = std::max<uint64_t>(4, uint64_t(std::ceil((kHighest - kLowestBeam) / step)));
+        station.columns = std::max<uint64_t>(4, uint64_t(std::ceil(pulses / double(station.rows))));
+        station.columns_per_block = std::max<uint64_t>(1, kBlockPulses / station.rows);
+        part.planned_blocks = (station.columns + station.columns_per_block - 1) / station.columns_per_block;
+        parts_.push_back(part);
+    }
+}
+
+void Survey::scan_block(SceneProbe& probe, size_t part, uint64_t block, std::vector<ScanPoint>& out) const {
+    out.clear();
+    if (parts_[part].airborne) scan_strip_block(probe, parts_[part], block, out);
+    else scan_station_block(probe, parts_[part], block, out);
+}
+
+void Survey::scan_strip_block(SceneProbe& probe, const SurveyPart& part, uint64_t block, std::vector<ScanPoint>& out) const {
+    const AirborneStrips& strips = part.strips;
+    const uint64_t blocks_per_strip = (strips.lines + strips.lines_per_block - 1) / strips.lines_per_block;
+    const uint64_t strip = block / blocks_per_strip;
+    const uint64_t first = block % blocks_per_strip * strips.lines_per_block;
+    const uint64_t last = std::min(strips.lines, first + strips.lines_per_block);
+    const double advance = strips.extent / double(strips.lines);  // metres flown during a line
+    const double pulse_time = advance / kFlightSpeed / double(strips.pulses);
+    const double start = part.start_time + double(strip) * (strips.extent / kFlightSpeed + kTurnTime);
+    ScanPoint fields;
+    fields.source_id = uint16_t(part.source_id + strip % 4000);
+    for (uint64_t line = first; line < last; ++line) {
+        // The mirror swings to the left on even lines and back on odd ones.
+        fields.scan_forward = line % 2 == 0;
+        for (uint64_t i = 0; i < strips.pulses; ++i) {
+            const uint64_t seed = pulse_seed(settings_.seed, strip, line, i);
+            Random jitter(seed);  // the mirror's, well below the step between pulses
+            const double phase = (double(i) + 0.5 + 0.5 * (jitter.uniform() - 0.5)) / double(strips.pulses);
+            const double angle = kSwathHalfAngle * (fields.scan_forward ? 2.0 * phase - 1.0 : 1.0 - 2.0 * phase);
+            const double pitch = 0.5 * (jitter.uniform() - 0.5) * advance / part.beam.reference_range;
+            fields.gps_time = start + double(line * strips.pulses + i) * pulse_time;
+            fields.line_edge = i + 1 == strips.pulses;
+            fields.scan_angle = scan_angle_units(-angle);  // LAS counts angles to the left as negative
+            fire(probe, strip_ray(strips, strip, (double(line) + phase) * advance, angle, pitch), part.beam, seed, fields, out);
+        }
+    }
+}
+
+void Survey::scan_station_block(SceneProbe& probe, const SurveyPart& part, uint64_t block, std::vector<ScanPoint>& out) const {
+    const Station& station = part.station;
+    const double row_step = (0.5 * std::numbers::pi - kLowestBeam) / double(station.rows);
+    const double column_step = 2.0 * std::numbers::pi / double(station.columns);
+    const double pulse_time = kStationTime / double(station.columns * station.rows);
+    ScanPoint fields;
+    fields.source_id = part.source_id;
+    fields.scan_forward = true;
+    for (uint64_t column = block * station.columns_per_block; column < (block + 1) * station.columns_per_block; ++column)
+        for (uint64_t row = 0; row < station.rows; ++row) {
+            const uint64_t seed = pulse_seed(settings_.seed, part.source_id, column, row);
+            Random jitter(seed);
+            const double elevation = kLowestBeam + (double(row) + 0.5 + 0.3 * (jitter.uniform() - 0.5)) * row_step;
+            const double azimuth = (double(column) + double(row) / double(station.rows)) * column_step;
+            fields.gps_time = part.start_time + double(column * station.rows + row) * pulse_time;
+            fields.line_edge = row + 1 == station.rows;
+            fields.scan_angle = scan_angle_units(elevation);
+            fire(probe, station_ray(station, azimuth, elevation), part.beam, seed, fields, out);
+        }
+}
+
+}  // namespace strata

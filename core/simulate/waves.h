@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "core/math/random.h"
+
+namespace strata {
+
+// The analytic building blocks of the simulated world. Plain arithmetic instead of the C library's sine, so that a scene
+// is the same on every machine, and so that loops over waves vectorize.
+
+struct SinCos {
+    double sin, cos;
+};
+
+/// Sine and cosine of `turns` full turns, within 1e-13, for |turns| < 2^40.
+inline SinCos sin_cos_turns(double turns) {
+    constexpr double kRound = 6755399441055744.0;  // 1.5 * 2^52: adding it rounds to a whole number
+    const double rest = turns - ((turns + kRound) - kRound);
+    const double a = rest * 3.14159265358979323846;  // half the angle, |a| <= pi / 2: Taylor's remainder is below 1e-14
+    const double q = a * a;
+    const double s = a * (1.0 + q * (-1.0 / 6 + q * (1.0 / 120 + q * (-1.0 / 5040 + q * (1.0 / 362880 + q * (-1.0 / 39916800 +
+                     q * (1.0 / 6227020800 + q * (-1.0 / 1307674368000 + q * (1.0 / 355687428096000)))))))));
+    const double c = 1.0 + q * (-0.5 + q * (1.0 / 24 + q * (-1.0 / 720 + q * (1.0 / 40320 + q * (-1.0 / 3628800 +
+                     q * (1.0 / 479001600 + q * (-1.0 / 87178291200 + q * (1.0 / 20922789888000 + q * (-1.0 / 6402373705728000)))))))));
+    return {2.0 * s * c, 1.0 - 2.0 * s * s};
+}
+
+/// A number in [0, 1) for each lattice point and salt.
+inline double lattice_value(int64_t x, int64_t y, int64_t z, uint64_t salt) {
+    const uint64_t key = uint64_t(x) * 0x9e3779b97f4a7c15u ^ uint64_t(y) * 0xc2b2ae3d27d4eb4fu ^ uint64_t(z) * 0x165667b19e3779f9u;
+    return double(mix_bits(key ^ salt) >> 11) * 0x1p-53;
+}
+
+/// Smooth noise in [0, 1) over the plane, with features about one unit wide.
+inline double smooth_noise(double x, double y, uint64_t salt) {
+    const double fx = std::floor(x), fy = std::floor(y);
+    const int64_t ix = int64_t(fx), iy = int64_t(fy);
+    const double u = x - fx, v = y - fy;
+    const double su = u * u * (3.0 - 2.0 * u), sv = v * v * (3.0 - 2.0 * v);
+    const double low = lattice_value(ix, iy, 0, salt) * (1.0 - su) + lattice_value(ix + 1, iy, 0, salt) * su;
+    const double high = lattice_value(ix, iy + 1, 0, salt) * (1.0 - su) + lattice_value(ix + 1, iy + 1, 0, salt) * su;
+    return low * (1.0 - sv) + high * sv;
+}
+
+/// The same in space.
+inline double smooth_noise(double x, double y, double z, uint64_t salt) {
+    const double fz = std::floor(z);
+    const double w = z - fz, sw = w * w * (3.0 - 2.0 * w);
+    return smooth_noise(x, y, mix_bits(salt + uint64_t(int64_t(fz)))) * (1.0 - sw) +
+           smooth_noise(x, y, mix_bits(salt + uint64_t(int64_t(fz) + 1))) * sw;
+}
+
+}  // namespace strata
