@@ -19,7 +19,7 @@ struct SplatStyle {
     SplatShape shape = SplatShape::paraboloid;
     float fixed_px = 0.0f;        // diameter; 0: from the spacing of the points
     float least_px = 1.0f, most_px = 64.0f;  // clamps of adaptive sizes
-    float spacing_factor = 1.6f;  // adaptive diameter over point spacing
+    float spacing_factor = 2.0f;  // adaptive diameter over point spacing: a point lies within the spacing of all that it stands for
 
     float widest_px() const { return fixed_px > 0.0f ? fixed_px : most_px; }
 };

@@ -119,13 +119,13 @@ TEST(PointsPass, SplatsCoverTheirArea) {
     }
 }
 
-// Diameter = factor * spacing * pixels a unit: 1.6 * 0.1 * 100 at depth 1, half of it at depth 2.
+// Diameter = factor * spacing * pixels a unit: 2 * 0.1 * 100 at depth 1, half of it at depth 2.
 TEST(PointsPass, AdaptiveSizesFollowSpacingAndDepth) {
     for (const double depth : {1.0, 2.0}) {
         const std::vector<ResidentNode> nodes = {node_of({kMillimeters.offset + Vec3d(0, depth, 0)}, kMillimeters)};
         const GBuffer gbuffer = draw(nodes, camera_north(Projection::perspective), {.shape = SplatShape::square});
-        EXPECT_NEAR(std::sqrt(double(drawn(gbuffer))), 16 / depth, 0.5);
-        EXPECT_EQ(*std::max_element(gbuffer.splat_px.begin(), gbuffer.splat_px.end()), uint8_t(16 / depth));
+        EXPECT_NEAR(std::sqrt(double(drawn(gbuffer))), 20 / depth, 0.5);
+        EXPECT_EQ(*std::max_element(gbuffer.splat_px.begin(), gbuffer.splat_px.end()), uint8_t(20 / depth));
     }
 }
 
