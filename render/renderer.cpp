@@ -60,7 +60,7 @@ std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camer
                                   std::span<const NodeId> ids, std::span<const ResidentNode> points,
                                   std::span<const std::unique_ptr<SpacingGrid>> grids) {
     // The widest splat reaches half its width beyond its point; two more rows cover rounding.
-    const double margin_px = 0.5 * std::max(settings.splat.fixed_px, settings.splat.most_px) + 2.0;
+    const double margin_px = 0.5 * settings.splat.widest_px() + 2.0;
     std::vector<PointNode> nodes(ids.size());
     uint64_t rank = 0;
     for (size_t slot = 0; slot < ids.size(); ++slot) {
@@ -80,6 +80,13 @@ uint32_t choose_strip_rows(const RenderSettings& settings) {
     if (settings.tile_rows > 0) return std::min(settings.tile_rows, settings.height);
     const uint64_t pixels = std::clamp<uint64_t>(settings.memory_bytes / 4 / kPixelBytes, settings.width, kStripPixels);
     return uint32_t(std::min<uint64_t>(std::max<uint64_t>(pixels / settings.width, 1), settings.height));
+}
+
+// How far the screen-space passes look beyond the rows they shade.
+int edl_reach_px(const RenderSettings& settings) {
+    if (!(settings.edl.strength > 0.0f)) return 0;
+    const int splat = settings.edl.follow_splats ? std::min(int(settings.splat.widest_px() + 0.5f), 255) : 0;
+    return std::max(settings.edl.reach_px(), splat);
 }
 
 void fill_background(std::span<Rgba8> colors, Rgba8 background, int threads) {
@@ -110,7 +117,7 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     Stopwatch watch(report);
 
     const uint32_t strip_rows = choose_strip_rows(settings);
-    const int reach = settings.edl.strength > 0.0f ? settings.edl.axis_reach_px() : 0;
+    const int reach = edl_reach_px(settings);
     SelectionSettings selection_settings = settings.selection;
     const uint64_t strip_bytes = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach)) * kPixelBytes;
     selection_settings.memory_points =
@@ -149,7 +156,8 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
             PointsPass pass(settings.width, row - above, above + rows + below);
             pass.draw(nodes, projection, settings.splat, settings.threads);
             watch.lap("points");
-            pass.resolve(nodes, projection, settings.with_ids, settings.threads, gbuffer);
+            const ResolveOptions wanted = {.splat_px = reach > 0 && settings.edl.follow_splats, .ids = settings.with_ids};
+            pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
             watch.lap("resolve");
         }
         const size_t skip = size_t(above) * settings.width, count = size_t(rows) * settings.width;

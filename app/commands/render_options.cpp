@@ -2,9 +2,11 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 #include <tuple>
 
+#include "app/commands/camera_file.h"
 #include "core/error.h"
 #include "render/named_view.h"
 
@@ -19,22 +21,22 @@ constexpr OptionRow kRows[] = {
     {"--target", "", "X,Y,Z", "", "what it looks at; default: the cloud's center"},
     {"--up", "", "X,Y,Z", "", "what is upwards in the picture; default: 0,0,1, and north for views straight down"},
     {"--fov", "", "DEGREES", "45", "angle from the bottom to the top of the picture"},
-    {"--camera", "", "FILE.json", "", "the camera of a file, as --stats prints it"},
+    {"--camera", "", "FILE.json", "", "the camera of a file, {\"eye\": [x,y,z], \"target\": ..., \"up\": ..., \"fov\": degrees} or with ortho_height; --stats prints one"},
     {"--ortho", "", "", "", "parallel projection: equal lengths look equal at any distance"},
     {"--meters-per-pixel", "", "UNITS", "", "CRS units a pixel, for --ortho; sets the size too unless --size is given"},
     {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, or an attribute; default: rgb, else elevation"},
     {"--colormap", "", "NAME", "", "color map for quantities"},
     {"--range", "", "LOW,HIGH", "", "values that the color map reaches over; default: 2nd to 98th percentile"},
-    {"--splat", "", "square|disc", "disc", "shape of a point"},
+    {"--splat", "", "square|disc|paraboloid", "paraboloid", "shape of a point; paraboloids meet where they overlap on a surface"},
     {"--point-size", "", "adaptive|PIXELS", "adaptive", "diameter of a point; adaptive: from the spacing of the points, so that surfaces close"},
     {"--error", "", "PIXELS", "1", "detail: points left out lie this near to drawn ones"},
     {"--budget", "", "POINTS", "20000000", "most points to draw"},
-    {"--edl", "", "STRENGTH[,RADIUS]", "1,2", "eye-dome lighting: how dark slopes get, and pixels to the neighbors; 0: off"},
+    {"--edl", "", "STRENGTH[,RADIUS]", "0.7", "eye-dome lighting: how dark slopes get, and pixels to the neighbors; default radius: 2, or a splat where larger; 0: off"},
     {"--background", "", "COLOR", "#181c24", "'#rrggbb'"},
     {"--transparent", "", "", "", "no background: alpha 0 where there are no points"},
     {"--depth", "", "FILE.pfm", "", "also writes the depth along the view direction, CRS units, infinite at the background"},
     {"--reference", "", "FILE.png", "", "compare with this picture; exit code 1 and a difference picture beside the output when over --threshold"},
-    {"--threshold", "", "VALUE", "0.01", "largest difference that passes"},
+    {"--threshold", "", "STEPS", "4", "largest difference that passes: root mean square of the worst 16 x 16 pixels, 8-bit steps"},
     {"--stats", "", "", "", "one JSON object about the frame on standard output"},
     {"--tile", "", "ROWS", "0", "rows of the picture in memory at a time; 0: as many as suit. Does not show in the picture"},
     shared_option::kOverwrite,
@@ -82,6 +84,7 @@ EdlSettings parse_edl(const std::string& text) {
     EdlSettings edl;
     const size_t comma = std::min(text.find(','), text.size());
     edl.strength = float(parse_double("--edl", std::string_view(text).substr(0, comma), expected, text));
+    edl.follow_splats = comma == text.size();
     if (comma < text.size()) edl.radius_px = float(parse_double("--edl", std::string_view(text).substr(comma + 1), expected, text));
     if (!(edl.strength >= 0.0f && edl.strength <= 1000.0f)) refuse("--edl", "a strength from 0 to 1000", text);
     if (!(edl.radius_px >= 0.5f && edl.radius_px <= 64.0f)) refuse("--edl", "a radius from 0.5 to 64 pixels", text);
@@ -91,8 +94,14 @@ EdlSettings parse_edl(const std::string& text) {
 SplatStyle parse_splat(const Options& options) {
     SplatStyle splat;
     const std::string shape = options.text("--splat"), size = options.text("--point-size");
-    if (shape != "square" && shape != "disc") refuse("--splat", "square or disc", shape);
-    splat.shape = shape == "square" ? SplatShape::square : SplatShape::disc;
+    if (shape == "square")
+        splat.shape = SplatShape::square;
+    else if (shape == "disc")
+        splat.shape = SplatShape::disc;
+    else if (shape == "paraboloid")
+        splat.shape = SplatShape::paraboloid;
+    else
+        refuse("--splat", "square, disc or paraboloid", shape);
     if (size == "adaptive") return splat;
     const std::string expected = "adaptive, or a diameter from 1 to 256 pixels";
     splat.fixed_px = float(parse_double("--point-size", size, expected, size));
@@ -138,17 +147,42 @@ Camera free_camera(const Options& options, const LayeredCloud& cloud, std::span<
     return camera;
 }
 
-// The size that shows the whole cloud at that scale.
-void fit_size(const Camera& camera, std::span<const Vec3d> points, double units_per_pixel, RenderSettings& settings) {
+// The size that shows the whole cloud at that scale, with the eye over its middle. A map must not lose its borders, so
+// the stated bounds count, unless strays or a lying header made them far larger than the cloud.
+void fit_size(Camera& camera, const Box3d& stated, std::span<const Vec3d> points, double units_per_pixel,
+              RenderSettings& settings) {
     Box3d box;
-    for (const Vec3d& p : points) box.extend(camera.view_from_world * (p - camera.eye));
-    const Vec3d sides = box.empty() ? Vec3d(1, 1, 1) : Vec3d(box.size() / units_per_pixel);
-    if (!(sides.x() < kLargestSide - 1 && sides.y() < kLargestSide - 1))
-        throw Error(ErrorKind::usage, "--meters-per-pixel: the picture would have " + std::to_string(uint64_t(sides.x())) + " x " +
-                                          std::to_string(uint64_t(sides.y())) + " pixels; at most " + std::to_string(kLargestSide) +
-                                          " are possible; give --size for a part");
-    settings.width = uint32_t(std::ceil(sides.x())) + 1;
-    settings.height = uint32_t(std::ceil(sides.y())) + 1;
+    for (const Vec3d& p : points) box.extend(p);
+    if (!stated.empty() && (stated.size().array() <= 1.5 * box.size().array()).all()) box.extend(stated);
+    Box3d seen;
+    for (int corner = 0; corner < 8; ++corner) {
+        const Vec3d p((corner & 1 ? box.max : box.min).x(), (corner & 2 ? box.max : box.min).y(),
+                      (corner & 4 ? box.max : box.min).z());
+        seen.extend(camera.view_from_world * (p - camera.eye));
+    }
+    const Vec3d sides_px = seen.size() / units_per_pixel;
+    if (!(sides_px.x() < kLargestSide - 1 && sides_px.y() < kLargestSide - 1)) {
+        char size[64];
+        std::snprintf(size, sizeof size, "%.0f x %.0f", sides_px.x(), sides_px.y());
+        throw Error(ErrorKind::usage, "--meters-per-pixel: the picture would have " + std::string(size) + " pixels, at most " +
+                                          std::to_string(kLargestSide) + " a side are possible; --size takes a part");
+    }
+    settings.width = uint32_t(std::ceil(sides_px.x())) + 1;
+    settings.height = uint32_t(std::ceil(sides_px.y())) + 1;
+    const Vec3d middle(seen.center().x(), seen.center().y(), 0.0);
+    camera.eye += camera.view_from_world.transpose() * middle;
+}
+
+Camera camera_of(const CameraSpec& spec) {
+    Camera camera;
+    camera.eye = spec.eye;
+    camera.view_from_world = look_along(spec.target - spec.eye, spec.up);
+    camera.fov_rad = spec.fov_deg * std::numbers::pi / 180.0;
+    if (spec.ortho_height) {
+        camera.projection = Projection::orthographic;
+        camera.height = *spec.ortho_height;
+    }
+    return camera;
 }
 
 }  // namespace
@@ -167,7 +201,9 @@ void check_render_options(const Options& options) {
     if (!(options.number("--error") > 0.0)) refuse("--error", "a positive number of pixels", options.text("--error"));
     options.integer("--budget", 1, 0xfffffffe);
     options.integer("--tile", 0, kLargestSide);
-    options.number("--threshold");
+    if (!(options.number("--threshold") >= 0.0)) refuse("--threshold", "a number that is not negative", options.text("--threshold"));
+    if (options.given("--threshold") && !options.given("--reference")) throw Error(ErrorKind::usage, "--threshold needs --reference");
+    if (options.given("--camera") && options.given("--ortho")) throw Error(ErrorKind::usage, "--ortho: a camera file says it by ortho_height");
     for (const std::string_view flag : {"--target", "--up"})
         if (options.given(flag) && !options.given("--eye")) throw Error(ErrorKind::usage, std::string(flag) + " needs --eye");
     if (options.given("--eye") + options.given("--view") + options.given("--camera") > 1)
@@ -206,7 +242,9 @@ RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
 
     const std::vector<Vec3d> points = sample_positions(cloud);
     const double aspect = double(settings.width) / settings.height;
-    if (options.given("--eye")) {
+    if (options.given("--camera")) {
+        request.camera = camera_of(read_camera_file(options.text("--camera")));
+    } else if (options.given("--eye")) {
         request.camera = free_camera(options, cloud, points);
     } else {
         const Projection projection = options.given("--ortho") ? Projection::orthographic : Projection::perspective;
@@ -214,7 +252,7 @@ RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
     }
     if (options.given("--meters-per-pixel")) {
         const double units_per_pixel = parse_units_per_pixel(options);
-        if (!options.given("--size")) fit_size(request.camera, points, units_per_pixel, settings);
+        if (!options.given("--size")) fit_size(request.camera, cloud.info().bounds, points, units_per_pixel, settings);
         request.camera.height = units_per_pixel * settings.height;
     }
     fit_depth_range(request.camera, cloud.info().bounds);

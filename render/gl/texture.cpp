@@ -7,10 +7,26 @@
 #include "core/error.h"
 
 namespace strata {
+namespace {
+
+struct TexelLayout {
+    GLenum internal, format, type;
+};
+
+TexelLayout layout_of(TexelFormat format) {
+    switch (format) {
+        case TexelFormat::rgba8: return {GL_RGBA8, GL_RGBA, GL_UNSIGNED_BYTE};
+        case TexelFormat::r8: return {GL_R8, GL_RED, GL_UNSIGNED_BYTE};
+        case TexelFormat::r32f: return {GL_R32F, GL_RED, GL_FLOAT};
+    }
+    return {};
+}
+
+}  // namespace
 
 Texture::Texture(TexelFormat format, uint32_t width, uint32_t height) : format_(format), width_(width), height_(height) {
     glCreateTextures(GL_TEXTURE_2D, 1, &name_);
-    glTextureStorage2D(name_, 1, format == TexelFormat::rgba8 ? GL_RGBA8 : GL_R32F, GLsizei(width), GLsizei(height));
+    glTextureStorage2D(name_, 1, layout_of(format).internal, GLsizei(width), GLsizei(height));
     glTextureParameteri(name_, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
     glTextureParameteri(name_, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
     if (glGetError() != GL_NO_ERROR) {
@@ -32,9 +48,9 @@ Texture::~Texture() {
 }
 
 void Texture::upload(const void* texels, uint32_t height) {
-    const bool color = format_ == TexelFormat::rgba8;
-    glTextureSubImage2D(name_, 0, 0, 0, GLsizei(width_), GLsizei(height), color ? GL_RGBA : GL_RED,
-                        color ? GL_UNSIGNED_BYTE : GL_FLOAT, texels);
+    const TexelLayout layout = layout_of(format_);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glTextureSubImage2D(name_, 0, 0, 0, GLsizei(width_), GLsizei(height), layout.format, layout.type, texels);
 }
 
 void Texture::bind(uint32_t unit) const { glBindTextureUnit(unit, name_); }

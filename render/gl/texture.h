@@ -6,7 +6,7 @@
 namespace strata {
 
 /// Texel formats that passes use.
-enum class TexelFormat { rgba8, depth_r32f };
+enum class TexelFormat { rgba8, r8, r32f };
 
 /// A two-dimensional texture without mipmaps, read texel by texel. Owns its GL name; the context must be current.
 class Texture {
@@ -16,7 +16,7 @@ public:
     Texture& operator=(Texture&& other) noexcept;
     ~Texture();
 
-    /// Replaces the first `height` rows. texels: 4 bytes each, rows without gaps
+    /// Replaces the first `height` rows. texels: rows without gaps
     void upload(const void* texels, uint32_t height);
     void bind(uint32_t unit) const;
 

@@ -14,18 +14,18 @@ namespace {
 struct Targets {
     Targets(uint32_t width, uint32_t height)
         : colors(TexelFormat::rgba8, width, height),
-          depths(TexelFormat::depth_r32f, width, height),
+          depths(TexelFormat::r32f, width, height),
+          splats(TexelFormat::r8, width, height),
           shaded(TexelFormat::rgba8, width, height),
           framebuffer(shaded) {}
 
-    Texture colors, depths, shaded;
+    Texture colors, depths, splats, shaded;
     Framebuffer framebuffer;
 };
 
 }  // namespace
 
-int EdlSettings::axis_reach_px() const { return std::max(1, int(std::lround(radius_px))); }
-int EdlSettings::diagonal_reach_px() const { return std::max(1, int(std::lround(radius_px * std::sqrt(0.5f)))); }
+int EdlSettings::reach_px() const { return std::max(1, int(std::lround(radius_px))); }
 
 Vec2f pixel_world_size(const Camera& camera, uint32_t height_px) {
     const float unit = float(1.0 / pixels_per_unit(camera, 1.0, height_px));
@@ -49,15 +49,18 @@ void EdlPass::shade(const GBuffer& in, const EdlSettings& settings, const Camera
     }
     targets->colors.upload(in.colors.data(), in.rows);
     targets->depths.upload(in.depths.data(), in.rows);
+    if (settings.follow_splats) targets->splats.upload(in.splat_px.data(), in.rows);
     targets->colors.bind(0);
     targets->depths.bind(1);
+    targets->splats.bind(2);
     const Vec2f pixel_world = pixel_world_size(camera, height_px);
     const Program& program = resources_->program;
     program.set(0, int32_t(in.width), int32_t(in.rows));
     program.set(1, pixel_world.x(), pixel_world.y());
     program.set(2, settings.strength);
-    program.set(3, settings.axis_reach_px(), settings.diagonal_reach_px());
+    program.set(3, int32_t(settings.reach_px()));
     program.set(4, settings.most_response);
+    program.set(5, int32_t(settings.follow_splats));
     program.use();
     targets->framebuffer.draw_covering(in.rows);
     targets->framebuffer.read(first, rows, out.data());

@@ -14,13 +14,13 @@ class EglContext;
 /// over how far it lies sideways, both in world units. So a plane tilted by phi has the mean response
 /// tan(phi) (1 + sqrt 2) / 8 at any resolution and distance, and one that faces the viewer has none.
 struct EdlSettings {
-    float strength = 1.0f;      // 0: off
-    float radius_px = 1.5f;     // how far neighbours lie
+    float strength = 0.7f;      // 0: off
+    float radius_px = 2.0f;     // how far neighbours lie, at least
+    bool follow_splats = true;  // neighbours lie a splat away where splats are larger, so that their rims do not show
     float most_response = 4.0f; // what a jump in depth counts for: the slope of 76 degrees
 
-    /// Whole pixels to the neighbours along the axes, and along each axis to those on the diagonals.
-    int axis_reach_px() const;
-    int diagonal_reach_px() const;
+    /// Whole pixels to the neighbours along the axes. Those on the diagonals lie round(reach / sqrt 2) along each axis.
+    int reach_px() const;
 };
 
 /// World units that a pixel covers: x * depth + y.
@@ -32,7 +32,7 @@ public:
     explicit EdlPass(const EglContext& context);
     ~EdlPass();
 
-    /// Shades rows [first, first + rows) of the G-buffer, counted from its own first row; the others serve as neighbours.
+    /// Shades rows [first, first + rows) of the G-buffer (its splat_px filled if settings follow splats), counted from its own first row; the others serve as neighbours.
     void shade(const GBuffer& in, const EdlSettings& settings, const Camera& camera, uint32_t height_px, uint32_t first,
                uint32_t rows, std::span<Rgba8> out);
 

@@ -69,20 +69,31 @@ void project_block(const PointProjection& view, const int32_t* x, const int32_t*
     }
 }
 
-// Adaptive diameters: spacing at the point, projected.
+// Adaptive diameter of a point: spacing at its place, projected.
+template <bool perspective>
+inline float adaptive_size_px(const PointProjection& view, const SplatStyle& style, const PointNode& node, size_t index,
+                              uint32_t key) {
+    const ResidentNode& points = *node.points;
+    const float spacing =
+        node.spacing == nullptr ? points.spacing : node.spacing->at(points.x[index], points.y[index], points.z[index]);
+    float size = style.spacing_factor * view.pixels_per_unit * spacing;
+    if constexpr (perspective) size *= std::bit_cast<float>(key) / view.key_scale;
+    return std::min(std::max(size, style.least_px), style.most_px);
+}
+
 template <bool perspective>
 void size_block(const PointProjection& view, const SplatStyle& style, const PointNode& node, size_t begin, size_t count,
                 Projected& out) {
-    const ResidentNode& points = *node.points;
-    const float scale = style.spacing_factor * view.pixels_per_unit;
-    for (size_t i = 0; i < count; ++i) {
-        const float spacing = node.spacing == nullptr
-                                  ? points.spacing
-                                  : node.spacing->at(points.x[begin + i], points.y[begin + i], points.z[begin + i]);
-        float size = scale * spacing;
-        if constexpr (perspective) size *= std::bit_cast<float>(out.key[i]) / view.key_scale;
-        out.size_px[i] = std::min(std::max(size, style.least_px), style.most_px);
-    }
+    for (size_t i = 0; i < count; ++i) out.size_px[i] = adaptive_size_px<perspective>(view, style, node, begin + i, out.key[i]);
+}
+
+// The key of a depth behind that of `key` by what so many pixels cover there.
+template <bool perspective>
+inline uint32_t key_behind(const PointProjection& view, uint32_t key, float fall_px) {
+    const float fall = fall_px / view.pixels_per_unit;  // over depth, in perspective
+    const float center = std::bit_cast<float>(key);
+    if constexpr (perspective) return std::bit_cast<uint32_t>(center / (1.0f + fall));
+    return std::bit_cast<uint32_t>(std::max(center + view.key_scale * fall, 0x1p-100f));
 }
 
 void scatter_pixels(const Target& target, const Projected& block, size_t count, uint32_t rank) {
@@ -95,8 +106,8 @@ void scatter_pixels(const Target& target, const Projected& block, size_t count, 
     }
 }
 
-template <SplatShape shape>
-void scatter_splats(const Target& target, const Projected& block, size_t count, uint32_t rank) {
+template <SplatShape shape, bool perspective>
+void scatter_splats(const Target& target, const PointProjection& view, const Projected& block, size_t count, uint32_t rank) {
     const float width = float(target.width), top = float(target.first_row), bottom = float(target.first_row + target.rows);
     for (size_t i = 0; i < count; ++i) {
         if (block.key[i] == 0) continue;
@@ -106,15 +117,24 @@ void scatter_splats(const Target& target, const Projected& block, size_t count, 
         const float above = std::max(y + (0.5f - radius), top), below = std::min(y + (0.5f + radius), bottom);
         if (!(left < right && above < below)) continue;
         const uint64_t word = uint64_t{block.key[i]} << 32 | ~(rank + uint32_t(i));
+        const float inverse_square = 1.0f / (radius * radius);
         const uint32_t x_end = uint32_t(right), y_end = uint32_t(below);
         for (uint32_t row = uint32_t(above); row < y_end; ++row) {
             uint64_t* const line = target.words + size_t(row - target.first_row) * target.width;
             const float dy = float(row) + 0.5f - y;
             for (uint32_t column = uint32_t(left); column < x_end; ++column) {
-                if constexpr (shape == SplatShape::disc) {
-                    const float dx = float(column) + 0.5f - x;
+                if constexpr (shape != SplatShape::square) {
                     // Below this diameter a disc may miss every center, and the square covers two by two at most.
-                    if (radius > 0.75f && dx * dx + dy * dy > radius * radius) continue;
+                    if (radius > 0.75f) {
+                        const float dx = float(column) + 0.5f - x;
+                        const float square = (dx * dx + dy * dy) * inverse_square;
+                        if (square > 1.0f) continue;
+                        if constexpr (shape == SplatShape::paraboloid) {
+                            const uint32_t key = key_behind<perspective>(view, block.key[i], radius * square);
+                            raise(line[column], uint64_t{key} << 32 | ~(rank + uint32_t(i)));
+                            continue;
+                        }
+                    }
                 }
                 raise(line[column], word);
             }
@@ -138,10 +158,13 @@ void draw_unit(const Target& target, const PointNode& node, size_t begin, size_t
             continue;
         }
         if (style.fixed_px <= 0.0f) size_block<perspective>(view, style, node, begin, count, block);
-        if (style.shape == SplatShape::square)
-            scatter_splats<SplatShape::square>(target, block, count, rank);
-        else
-            scatter_splats<SplatShape::disc>(target, block, count, rank);
+        switch (style.shape) {
+            case SplatShape::square: scatter_splats<SplatShape::square, perspective>(target, view, block, count, rank); break;
+            case SplatShape::disc: scatter_splats<SplatShape::disc, perspective>(target, view, block, count, rank); break;
+            case SplatShape::paraboloid:
+                scatter_splats<SplatShape::paraboloid, perspective>(target, view, block, count, rank);
+                break;
+        }
     }
 }
 
@@ -185,14 +208,15 @@ void PointsPass::draw(std::span<const PointNode> nodes, const PointProjection& p
     });
 }
 
-void PointsPass::resolve(std::span<const PointNode> nodes, const PointProjection& projection, bool with_ids,
-                         int threads, GBuffer& out) const {
+void PointsPass::resolve(std::span<const PointNode> nodes, const PointProjection& projection, const SplatStyle& style,
+                         const ResolveOptions& options, int threads, GBuffer& out) const {
     out.width = width_;
     out.first_row = first_row_;
     out.rows = rows_;
     out.colors.resize(words_.size());
     out.depths.resize(words_.size());
-    out.ids.resize(with_ids ? words_.size() : 0);
+    out.splat_px.assign(options.splat_px ? words_.size() : 0, 0);
+    out.ids.resize(options.ids ? words_.size() : 0);
     parallel_blocks(threads, rows_, 16, [&](size_t first, size_t last) {
         size_t slot = 0;  // of the pixel before: neighbours mostly show the same node
         for (size_t pixel = first * width_; pixel < last * width_; ++pixel) {
@@ -200,7 +224,7 @@ void PointsPass::resolve(std::span<const PointNode> nodes, const PointProjection
             if (word == 0) {
                 out.colors[pixel] = 0;
                 out.depths[pixel] = kNoDepth;
-                if (with_ids) out.ids[pixel] = kNoPixelId;
+                if (options.ids) out.ids[pixel] = kNoPixelId;
                 continue;
             }
             const uint32_t rank = ~uint32_t(word);
@@ -213,7 +237,14 @@ void PointsPass::resolve(std::span<const PointNode> nodes, const PointProjection
             const uint32_t index = rank - nodes[slot].first_rank;
             out.colors[pixel] = nodes[slot].points->colors[index];
             out.depths[pixel] = projection.linear_depth(std::bit_cast<float>(uint32_t(word >> 32)));
-            if (with_ids) out.ids[pixel] = make_pixel_id(uint32_t(slot), index);
+            if (options.splat_px) {
+                const uint32_t key = uint32_t(word >> 32);
+                const float size = style.fixed_px > 0.0f ? style.fixed_px
+                                   : projection.perspective ? adaptive_size_px<true>(projection, style, nodes[slot], index, key)
+                                                            : adaptive_size_px<false>(projection, style, nodes[slot], index, key);
+                out.splat_px[pixel] = uint8_t(std::min(size + 0.5f, 255.0f));
+            }
+            if (options.ids) out.ids[pixel] = make_pixel_id(uint32_t(slot), index);
         }
     });
 }

@@ -10,14 +10,24 @@
 
 namespace strata {
 
-enum class SplatShape { square, disc };
+/// Squares and discs have the depth of their center; a paraboloid falls back from it by its radius at the rim, so that of
+/// splats that overlap on a surface each shows around its own center rather than the nearer one on top.
+enum class SplatShape { square, disc, paraboloid };
 
 /// How points become splats. A splat covers the pixels whose centers lie in it, and always the one its center lies in.
 struct SplatStyle {
-    SplatShape shape = SplatShape::square;
+    SplatShape shape = SplatShape::paraboloid;
     float fixed_px = 0.0f;        // diameter; 0: from the spacing of the points
     float least_px = 1.0f, most_px = 64.0f;  // clamps of adaptive sizes
-    float spacing_factor = 1.5f;  // adaptive diameter over point spacing
+    float spacing_factor = 2.0f;  // adaptive diameter over point spacing: a point lies within the spacing of all that it stands for
+
+    float widest_px() const { return fixed_px > 0.0f ? fixed_px : most_px; }
+};
+
+/// What resolve gives beside color and depth.
+struct ResolveOptions {
+    bool splat_px = false;
+    bool ids = false;
 };
 
 /// A node that is drawn. Slots are in key order, and first_rank is the number of points in the slots before.
@@ -39,9 +49,9 @@ public:
     /// cost  about 10 ns a point and thread at 1 px
     void draw(std::span<const PointNode> nodes, const PointProjection& projection, const SplatStyle& style, int threads);
 
-    /// Turns words into color and eye depth, and into ids where the caller reads them.
-    void resolve(std::span<const PointNode> nodes, const PointProjection& projection, bool with_ids, int threads,
-                 GBuffer& out) const;
+    /// Turns words into color and eye depth, and what else the options ask for. nodes, projection, style: as drawn
+    void resolve(std::span<const PointNode> nodes, const PointProjection& projection, const SplatStyle& style,
+                 const ResolveOptions& options, int threads, GBuffer& out) const;
 
     std::span<const uint64_t> words() const { return words_; }
 

@@ -7,11 +7,13 @@
 // source  C. Boucheny, "Visualisation scientifique de grands volumes de donnees", thesis, 2009; the response is ours
 layout(binding = 0) uniform sampler2D colors;
 layout(binding = 1) uniform sampler2D depths;
+layout(binding = 2) uniform sampler2D splats;        // diameters in px, over 255
 layout(location = 0) uniform ivec2 size;             // texels that are filled
 layout(location = 1) uniform vec2 pixel_world;       // a pixel covers pixel_world.x * depth + pixel_world.y world units
 layout(location = 2) uniform float strength;         // optical depth per unit of mean slope
-layout(location = 3) uniform ivec2 reach_px;         // of neighbours along the axes and along each axis of the diagonals
+layout(location = 3) uniform int least_reach_px;     // to neighbours along the axes
 layout(location = 4) uniform float most_response;    // a jump in depth darkens no more than this slope
+layout(location = 5) uniform bool follow_splats;     // neighbours lie a splat's diameter away where that is farther
 layout(location = 0) out vec4 color_out;
 
 float slope_to(ivec2 texel, ivec2 step_px, float depth, float unit) {
@@ -37,7 +39,9 @@ void main() {
         return;
     }
     const float unit = pixel_world.x * depth + pixel_world.y;
-    const int a = reach_px.x, d = reach_px.y;
+    int a = least_reach_px;
+    if (follow_splats) a = max(a, int(texelFetch(splats, texel, 0).r * 255.0 + 0.5));
+    const int d = max(int(float(a) * 0.70710678 + 0.5), 1);
     float sum = slope_to(texel, ivec2(a, 0), depth, unit) + slope_to(texel, ivec2(-a, 0), depth, unit);
     sum += slope_to(texel, ivec2(0, a), depth, unit) + slope_to(texel, ivec2(0, -a), depth, unit);
     sum += slope_to(texel, ivec2(d, d), depth, unit) + slope_to(texel, ivec2(-d, -d), depth, unit);

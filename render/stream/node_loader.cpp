@@ -31,7 +31,8 @@ double spacing_of(const LayeredCloud& cloud, NodeId id, const ResidentNode& poin
     if (node.child_count > 0 || node.children_pending) return node.spacing;
     const double most = node.parent != kNoNode ? cloud.node(node.parent).spacing : 4.0 * node.spacing;
     const double measured = measure_spacing(points.x, points.y, points.z, cloud.info().quantization.scale);
-    return measured > 0.0 ? std::min(measured, most) : most;
+    // They lie at random there: a quarter more brings the gaps between splats from 4 % to 1 %, e^(-1.25^2 pi).
+    return measured > 0.0 ? std::min(1.25 * measured, most) : most;
 }
 
 }  // namespace

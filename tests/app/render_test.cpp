@@ -1,0 +1,168 @@
+// strata render as users run it: the real program, real files, pictures against baselines.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "render/image.h"
+#include "tests/support/run_program.h"
+#include "tests/support/temporary_folder.h"
+
+namespace strata {
+namespace {
+
+using test::ProgramResult;
+using test::run_strata;
+
+std::string text_of(const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    std::ostringstream text;
+    text << file.rdbuf();
+    return text.str();
+}
+
+// The same simulated village for all tests: made once, by the program, from a seed.
+class Render : public testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        folder_ = new TemporaryFolder;
+        const ProgramResult made = run_strata({"sample", village(), "--points", "60000", "--seed", "7", "--quiet"});
+        ASSERT_EQ(made.exit_code, 0) << made.err;
+        has_gl_ = run_strata({"render", village(), "-o", file("probe.png"), "--size", "16x16", "--quiet"}).exit_code == 0;
+    }
+    static void TearDownTestSuite() {
+        delete folder_;
+        folder_ = nullptr;
+    }
+    static std::string file(const std::string& name) { return folder_->file(name); }
+    static std::string village() { return file("village.las"); }
+
+    // Renders without lighting, so that no GL is needed, unless the words say otherwise.
+    static ProgramResult render(std::vector<std::string> words) {
+        words.insert(words.begin(), {"render", village(), "--size", "320x200", "--overwrite"});
+        if (std::find(words.begin(), words.end(), "--edl") == words.end()) words.insert(words.end(), {"--edl", "0"});
+        return run_strata(words);
+    }
+
+    static inline TemporaryFolder* folder_ = nullptr;
+    static inline bool has_gl_ = false;
+};
+
+// Positions, selection and splats are the same on every machine of IEEE floats; lighting goes through the driver's exp and
+// pow, which differ by a step of 8 bits. A tile may therefore be off by 2 steps: a missing point is off by far more.
+TEST_F(Render, PicturesAgreeWithTheBaselines) {
+    if (!has_gl_) GTEST_SKIP() << "no EGL with OpenGL 4.5 here";
+    const struct {
+        std::string name;
+        std::vector<std::string> words;
+    } pictures[] = {
+        {"village_iso", {}},
+        {"village_top_classes", {"--view", "top", "--ortho", "--color", "classification", "--background", "#ffffff"}},
+        {"village_front_height", {"--view", "front", "--color", "elevation", "--splat", "disc", "--transparent"}},
+    };
+    for (const auto& [name, extra] : pictures) {
+        std::vector<std::string> words = {"-o", file(name + ".png"), "--edl", "0.7", "--reference",
+                                          STRATA_SOURCE_DIR "/tests/baselines/" + name + ".png", "--threshold", "2"};
+        words.insert(words.end(), extra.begin(), extra.end());
+        const ProgramResult result = render(words);
+        EXPECT_EQ(result.exit_code, 0) << result.err;
+        if (result.exit_code == 0) continue;
+        // Kept for whoever looks into it, beside the test program.
+        for (const std::string& kept : {name + ".png", name + ".difference.png"})
+            if (std::filesystem::exists(file(kept)))
+                std::filesystem::copy_file(file(kept), kept, std::filesystem::copy_options::overwrite_existing);
+    }
+}
+
+TEST_F(Render, SamePixelsForAnyThreadsAndStrips) {
+    ASSERT_EQ(render({"-o", file("one.png"), "--threads", "1"}).exit_code, 0);
+    ASSERT_EQ(render({"-o", file("many.png"), "--threads", "7", "--tile", "13"}).exit_code, 0);
+    EXPECT_EQ(text_of(file("one.png")), text_of(file("many.png")));
+}
+
+TEST_F(Render, StatsAreOneObjectWithTheKeysThatOthersRead) {
+    const ProgramResult result = render({"-o", file("stats.png"), "--stats"});
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const nlohmann::json stats = nlohmann::json::parse(result.out);
+    for (const char* key : {"points_drawn", "nodes_drawn", "error_px", "bound_by", "rasterizer", "gl_renderer", "frame_ms", "pass_ms"})
+        EXPECT_TRUE(stats.contains(key)) << key;
+    EXPECT_EQ(stats["gl_renderer"], "");  // without lighting no GL is started
+    EXPECT_EQ(result.err, "");
+
+    // The camera it prints gives the same picture again.
+    std::ofstream(file("camera.json")) << stats["camera"];
+    ASSERT_EQ(render({"-o", file("again.png"), "--camera", file("camera.json"), "--reference", file("stats.png"), "--threshold", "2"}).exit_code, 0);
+}
+
+TEST_F(Render, BudgetBindsAndSaysSo) {
+    const ProgramResult result = render({"-o", file("budget.png"), "--budget", "20000", "--error", "0.1", "--stats"});
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const nlohmann::json stats = nlohmann::json::parse(result.out);
+    EXPECT_LE(stats["points_drawn"], 20000);
+    EXPECT_EQ(stats["bound_by"], "budget");
+    EXPECT_GT(stats["error_px"], 0.1);
+}
+
+// A map at half a metre a pixel: the world file names the pixel's size and lies on the cloud.
+TEST_F(Render, MapsComeWithAWorldFile) {
+    const ProgramResult result = run_strata({"render", village(), "-o", file("map.png"), "--ortho", "--view", "top", "--edl", "0",
+                                             "--meters-per-pixel", "0.5", "--stats"});
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const nlohmann::json info = nlohmann::json::parse(run_strata({"info", village(), "--json"}).out);
+    std::ifstream world(file("map.pgw"));
+    double a = 0, d = 0, b = 0, e = 0, x = 0, y = 0;
+    ASSERT_TRUE(world >> a >> d >> b >> e >> x >> y);
+    EXPECT_DOUBLE_EQ(a, 0.5);
+    EXPECT_DOUBLE_EQ(e, -0.5);
+    EXPECT_DOUBLE_EQ(d, 0);
+    EXPECT_DOUBLE_EQ(b, 0);
+    const Image map = read_png(file("map.png"));
+    const double least_x = info["bounds"]["min"][0], most_x = info["bounds"]["max"][0], most_y = info["bounds"]["max"][1];
+    EXPECT_NEAR(x, least_x, 1.0);  // two pixels: the size is rounded up
+    EXPECT_NEAR(y, most_y, 1.0);
+    EXPECT_NEAR(x + a * map.width, most_x, 1.0);
+}
+
+TEST_F(Render, TransparentAndBackgroundPixels) {
+    ASSERT_EQ(render({"-o", file("clear.png"), "--transparent", "--point-size", "1"}).exit_code, 0);
+    EXPECT_EQ(alpha_of(read_png(file("clear.png")).at(0, 0)), 0);
+    ASSERT_EQ(render({"-o", file("blue.png"), "--background", "#203040"}).exit_code, 0);
+    EXPECT_EQ(read_png(file("blue.png")).at(0, 0), make_rgba(0x20, 0x30, 0x40));
+}
+
+TEST_F(Render, ADifferentPictureFailsAndLeavesTheDifference) {
+    ASSERT_EQ(render({"-o", file("front.png"), "--view", "front"}).exit_code, 0);
+    const ProgramResult result = render({"-o", file("back.png"), "--view", "back", "--reference", file("front.png")});
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_TRUE(std::filesystem::exists(file("back.difference.png")));
+    EXPECT_NE(result.err.find("back.png"), std::string::npos);
+}
+
+TEST_F(Render, WrongCommandLinesAreUsageErrors) {
+    const std::vector<std::vector<std::string>> wrong = {
+        {"--size", "0x10"}, {"--size", "16385x1"}, {"--size", "10"}, {"--view", "above"}, {"--fov", "180"}, {"--fov", "nan"},
+        {"--eye", "0,0,nan"}, {"--eye", "1,2,3", "--target", "1,2,3"}, {"--eye", "1,2,3", "--view", "top"}, {"--up", "0,0,1"},
+        {"--color", "smell"}, {"--colormap", "plaid"}, {"--background", "red"}, {"--edl", "-1"}, {"--edl", "1,2,3"},
+        {"--point-size", "0"}, {"--splat", "star"}, {"--error", "0"}, {"--budget", "0"}, {"--meters-per-pixel", "1"},
+    };
+    for (std::vector<std::string> words : wrong) {
+        const std::string what = words[0] + " " + words[1];
+        words.insert(words.end(), {"-o", file("never.png")});
+        const ProgramResult result = render(words);
+        EXPECT_EQ(result.exit_code, 2) << what << ": " << result.err;
+        EXPECT_FALSE(std::filesystem::exists(file("never.png"))) << what;
+    }
+}
+
+TEST_F(Render, AnExistingPictureNeedsOverwrite) {
+    std::ofstream(file("kept.png")) << "mine";
+    EXPECT_NE(run_strata({"render", village(), "-o", file("kept.png"), "--edl", "0"}).exit_code, 0);
+    EXPECT_EQ(text_of(file("kept.png")), "mine");
+}
+
+}  // namespace
+}  // namespace strata

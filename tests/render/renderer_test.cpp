@@ -1,0 +1,180 @@
+#include "render/renderer.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "core/error.h"
+#include "core/math/random.h"
+#include "render/named_view.h"
+#include "tests/support/test_cloud.h"
+
+namespace strata {
+namespace {
+
+// Rolling ground with a tower: 20,000 points in one node.
+TestCloud hill_cloud() {
+    Random random(7);
+    std::vector<Vec3i> quanta;
+    for (int i = 0; i < 20000; ++i) {
+        const double x = random.uniform(0, 100), y = random.uniform(0, 60);
+        const double z = i % 20 == 0 ? random.uniform(0, 30) : 3.0 * std::sin(x / 7) * std::cos(y / 5);
+        const bool tower = i % 20 == 0;
+        quanta.emplace_back(int(1000 * (tower ? 40 + x / 30 : x)), int(1000 * (tower ? 30 + y / 30 : y)), int(1000 * z));
+    }
+    return single_node_cloud(quanta, {.scale = Vec3d::Constant(0.001), .offset = Vec3d(6e5, 5.3e6, 200)}, 0.8);
+}
+
+RenderSettings settings_of(const LayeredCloud& cloud) {
+    RenderSettings settings;
+    settings.width = 320;
+    settings.height = 200;
+    settings.color = find_color_channel(cloud.info(), "rgb");
+    settings.threads = 2;
+    return settings;
+}
+
+struct Frame {
+    RenderReport report;
+    std::vector<Rgba8> colors;
+    std::vector<float> depths;
+};
+
+Frame render(TestCloud& cloud, const Camera& camera, const RenderSettings& settings) {
+    Frame frame;
+    Renderer renderer;
+    frame.report = renderer.render_frame(cloud, camera, settings, [&](const RenderedRows& rows) {
+        EXPECT_EQ(size_t(rows.first_row) * settings.width, frame.colors.size());
+        frame.colors.insert(frame.colors.end(), rows.colors.begin(), rows.colors.end());
+        frame.depths.insert(frame.depths.end(), rows.depths.begin(), rows.depths.end());
+    });
+    return frame;
+}
+
+Camera view_of(TestCloud& cloud, std::string_view name, Projection projection, double fov_rad, const RenderSettings& settings) {
+    Camera camera = named_view(name, projection, fov_rad, sample_positions(cloud), double(settings.width) / settings.height);
+    fit_depth_range(camera, cloud.info().bounds);
+    return camera;
+}
+
+// Whether GL works here; what needs it is skipped otherwise.
+bool has_gl() {
+    static const bool works = [] {
+        TestCloud cloud = single_node_cloud({{0, 0, 0}}, {}, 1);
+        RenderSettings settings = settings_of(cloud);
+        try {
+            Renderer().render_frame(cloud, Camera(), settings, [](const RenderedRows&) {});
+            return true;
+        } catch (const Error& error) {
+            return error.kind != ErrorKind::device;
+        }
+    }();
+    return works;
+}
+
+TEST(Renderer, StripsAndThreadsDoNotShow) {
+    TestCloud cloud = hill_cloud();
+    for (const float strength : {0.0f, 1.0f}) {
+        if (strength > 0.0f && !has_gl()) GTEST_SKIP() << "no EGL with OpenGL 4.5 here";
+        for (const Projection projection : {Projection::perspective, Projection::orthographic}) {
+            RenderSettings settings = settings_of(cloud);
+            settings.edl.strength = strength;
+            const Camera camera = view_of(cloud, "iso", projection, 0.8, settings);
+            const Frame whole = render(cloud, camera, settings);
+            EXPECT_EQ(whole.report.points_drawn, 20000u);
+            EXPECT_EQ(whole.report.gl_renderer.empty(), strength == 0.0f);
+            for (const uint32_t rows : {1u, 7u, 64u}) {
+                settings.tile_rows = rows;
+                settings.threads = rows == 7 ? 7 : 1;
+                const Frame tiled = render(cloud, camera, settings);
+                EXPECT_EQ(whole.colors, tiled.colors) << rows;
+                EXPECT_EQ(whole.depths, tiled.depths) << rows;
+            }
+        }
+    }
+}
+
+// A named view shows the whole cloud: every point inside, the picture nearly full.
+TEST(Renderer, NamedViewsFrameTheCloud) {
+    TestCloud cloud = hill_cloud();
+    RenderSettings settings = settings_of(cloud);
+    settings.edl.strength = 0.0f;
+    settings.splat.fixed_px = 1.0f;
+    for (const char* name : {"iso", "top", "front", "back", "left", "right"})
+        for (const Projection projection : {Projection::perspective, Projection::orthographic}) {
+            const Frame frame = render(cloud, view_of(cloud, name, projection, 0.8, settings), settings);
+            uint32_t left = settings.width, right = 0, top = settings.height, bottom = 0;
+            for (uint32_t y = 0; y < settings.height; ++y)
+                for (uint32_t x = 0; x < settings.width; ++x)
+                    if (frame.depths[y * settings.width + x] != kNoDepth) {
+                        left = std::min(left, x);
+                        right = std::max(right, x);
+                        top = std::min(top, y);
+                        bottom = std::max(bottom, y);
+                    }
+            const double margin_x = 0.03 * settings.width, margin_y = 0.03 * settings.height;  // kViewMargin
+            const double least = std::min({left - margin_x, settings.width - 1 - right - margin_x, top - margin_y,
+                                           settings.height - 1 - bottom - margin_y});
+            EXPECT_NEAR(least, 0.0, 1.5) << name;  // a pixel on either side
+        }
+    EXPECT_THROW(named_view("above", Projection::perspective, 0.8, {}, 1.0), Error);
+}
+
+// Perspective from far away with a small angle is orthographic, up to points that straddle a pixel's edge.
+TEST(Renderer, SmallAnglesTendToOrthographic) {
+    TestCloud cloud = hill_cloud();
+    RenderSettings settings = settings_of(cloud);
+    settings.edl.strength = 0.0f;
+    settings.splat = {.shape = SplatShape::square, .fixed_px = 3.0f};
+    const Frame parallel = render(cloud, view_of(cloud, "iso", Projection::orthographic, 0.8, settings), settings);
+    double before = 1.0;
+    for (const double fov : {0.04, 0.004, 0.0004}) {
+        const Frame frame = render(cloud, view_of(cloud, "iso", Projection::perspective, fov, settings), settings);
+        size_t differing = 0;
+        for (size_t i = 0; i < frame.colors.size(); ++i) differing += frame.colors[i] != parallel.colors[i];
+        const double share = double(differing) / double(frame.colors.size());
+        EXPECT_LT(share, 0.5 * before) << fov;
+        before = share;
+    }
+    EXPECT_LT(before, 0.05);
+}
+
+TEST(Renderer, BackgroundAndDepthAreAsStated) {
+    TestCloud cloud = single_node_cloud({{0, 0, 0}}, {}, 1);
+    RenderSettings settings = settings_of(cloud);
+    settings.edl.strength = 0.0f;
+    settings.splat.fixed_px = 1.0f;
+    settings.background = make_rgba(1, 2, 3);
+    Camera camera;
+    camera.eye = {0, 0, 5};
+    camera.near_depth = 1;
+    const Frame frame = render(cloud, camera, settings);
+    EXPECT_EQ(std::count(frame.colors.begin(), frame.colors.end(), make_rgba(1, 2, 3)), 320 * 200 - 1);
+    EXPECT_FLOAT_EQ(*std::min_element(frame.depths.begin(), frame.depths.end()), 5.0f);
+}
+
+TEST(Renderer, AbsurdRequestsAreRefused) {
+    TestCloud cloud = hill_cloud();
+    RenderSettings settings = settings_of(cloud);
+    settings.width = kLargestSide + 1;
+    EXPECT_THROW(render(cloud, Camera(), settings), Error);
+    settings.width = 10;
+    Camera camera;
+    camera.eye.x() = std::nan("");
+    EXPECT_THROW(render(cloud, camera, settings), Error);
+}
+
+// An empty cloud makes an empty picture.
+TEST(Renderer, NothingIsBackground) {
+    TestCloud cloud = single_node_cloud({}, {}, 1);
+    RenderSettings settings = settings_of(cloud);
+    settings.edl.strength = 0.0f;
+    const Frame frame = render(cloud, Camera(), settings);
+    EXPECT_EQ(std::count(frame.colors.begin(), frame.colors.end(), settings.background), 320 * 200);
+    EXPECT_EQ(frame.report.points_drawn, 0u);
+}
+
+}  // namespace
+}  // namespace strata
