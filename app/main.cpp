@@ -32,8 +32,9 @@ int flushed(int exit_code) {
 }  // namespace
 
 int main(int argc, char** argv) {
-    const std::span<const strata::Command> commands = strata::all_commands();
+    std::span<const strata::Command> commands;
     try {
+        commands = strata::all_commands();
         if (argc > 1) return flushed(strata::run_command_line(commands, argc, argv));
         std::fputs(strata::program_help(commands).c_str(), stderr);
         return kExitUsage;

@@ -55,9 +55,10 @@ public:
                 row.letter.empty() ? std::string(row.flag) : std::string(row.letter) + "," + std::string(row.flag);
             if (!row.initial.empty()) options_.initials[std::string(row.flag)] = row.initial;
             if (row.value.empty())
-                app_->add_flag(names)->disable_flag_override();
+                options_of_rows_.push_back(app_->add_flag(names)->disable_flag_override());
             else
-                app_->add_option(names, texts_.emplace_back())->type_name(std::string(row.value));
+                options_of_rows_.push_back(
+                    app_->add_option(names, texts_.emplace_back())->type_name(std::string(row.value)));
         }
     }
 
@@ -90,8 +91,10 @@ public:
             throw Error(ErrorKind::usage,
                         std::string(command_.name) + ": expected " + std::string(command_.positional) + ", got " +
                             (words == 0 ? "nothing" : std::to_string(words) + (words == 1 ? " word" : " words")));
-        for (const OptionRow& row : command_.rows) {
-            const CLI::Option& option = *app_->get_option(std::string(row.flag));
+        for (size_t i = 0; i < command_.rows.size(); ++i) {
+            const OptionRow& row = command_.rows[i];
+            const CLI::Option& option =
+                *options_of_rows_[i];  // to ask CLI11 by name ends the program when memory is out
             if (option.count() > 0)
                 options_.values[std::string(row.flag)] = row.value.empty() ? "1" : option.results().back();
         }
@@ -102,6 +105,7 @@ private:
     const Command& command_;
     CLI::App* app_;
     Options options_;
+    std::vector<CLI::Option*> options_of_rows_;  // in the order of the rows; owned by app_
     std::deque<std::string> texts_;
 };
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -13,6 +14,12 @@
 namespace strata {
 
 static_assert(std::endian::native == std::endian::little, "files are little-endian, and so is memory here");
+
+/// The bytes before the first NUL, or all of them, as text.
+inline std::string text_before_nul(std::span<const std::byte> bytes) {
+    const auto end = std::find(bytes.begin(), bytes.end(), std::byte{0});
+    return std::string(reinterpret_cast<const char*>(bytes.data()), size_t(end - bytes.begin()));
+}
 
 /// A bounds-checked little-endian cursor: a view of bytes that the caller owns. Every format's small structures are
 /// parsed through it, so a file can lie as it likes: what is not there is an Error that names the place.
@@ -54,9 +61,7 @@ public:
 
     /// A field of `count` bytes that holds text up to its first NUL.
     std::string text(uint64_t count) {
-        const std::span<const std::byte> field = take(count);
-        const char* const begin = reinterpret_cast<const char*>(field.data());
-        return std::string(begin, strnlen(begin, field.size()));
+        return text_before_nul(take(count));
     }
 
     /// throws  Error{malformed}: "place: byte N: expectation", N counted from the start of the file

@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 Error exists_error(const std::string& path) {
-    return Error(ErrorKind::usage, path + ": exists; --overwrite replaces it");
+    return Error(ErrorKind::io, path + ": exists; --overwrite replaces it");
 }
 
 }  // namespace
@@ -36,8 +36,8 @@ std::string check_output_path(const std::string& path, bool overwrite) {
         if (errno == ENOENT || errno == ENOTDIR) return resolved;
         throw Error(ErrorKind::io, path + ": " + std::strerror(errno));
     }
-    if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::usage, path + ": is a folder; a file's name is expected");
-    if (!S_ISREG(status.st_mode)) throw Error(ErrorKind::usage, path + ": is no regular file; strata writes whole files only");
+    if (S_ISDIR(status.st_mode)) throw Error(ErrorKind::io, path + ": is a folder; a file's name is expected");
+    if (!S_ISREG(status.st_mode)) throw Error(ErrorKind::io, path + ": is no regular file; strata writes whole files only");
     if (!overwrite) throw exists_error(path);
     return resolved;
 }

@@ -19,7 +19,7 @@ enum class Durability { synced, unsynced };
 class OutputFile {
 public:
     /// A path that is a symbolic link stands for the file it points to.
-    /// throws  Error{usage}: the file exists and `overwrite` is false, or the path is no regular file
+    /// throws  Error{io}: the file exists and `overwrite` is false, or the path is no regular file
     ///         Error{io, not_found}: the folder is missing or not writable
     OutputFile(const std::string& path, bool overwrite);
 
@@ -40,7 +40,7 @@ public:
     void truncate(uint64_t bytes);
 
     /// Gives the file its name; with Durability::synced, it and its name are on the disk first. Once.
-    /// throws  Error{usage} when another writer took the name meanwhile and `overwrite` was not given
+    /// throws  Error{io} when another writer took the name meanwhile and `overwrite` was not given
     void commit(Durability durability = Durability::synced);
 
 private:
@@ -52,12 +52,12 @@ private:
     std::atomic<uint64_t> size_ = 0;
 };
 
-/// What an existing output means for whoever wants to write there: throws Error{usage} unless `overwrite`.
+/// What an existing output means for whoever wants to write there: throws Error{io} unless `overwrite`.
 /// returns  the path with symbolic links at its end resolved
 std::string check_output_path(const std::string& path, bool overwrite);
 
 /// Renames `from` to `to`, which must not exist unless `overwrite`; decided in one step, so that of two writers one wins.
-/// throws  Error{usage} when `to` exists and may not be replaced, Error{io}
+/// throws  Error{io} when `to` exists and may not be replaced, Error{io}
 void rename_output(const std::string& from, const std::string& to, bool overwrite);
 
 /// Puts a folder's entries (names given by rename) on the disk.

@@ -45,9 +45,16 @@ install_packages() {
         fi
         as_root=(sudo)
     fi
-    echo "== installing ${#missing[@]} packages (${as_root[*]} apt-get; none is removed): ${missing[*]}"
+    echo "== installing ${#missing[@]} packages with ${as_root[*]:+sudo }apt-get (none is removed): ${missing[*]}"
     # A list that cannot be fetched is no failure yet: the packages may all be in another.
     "${as_root[@]}" apt-get -qq update || true
-    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
-        apt-get -qq -o Dpkg::Use-Pty=0 install -y --no-install-recommends --no-remove "${missing[@]}" >/dev/null
+    local log
+    log=$(mktemp)
+    if ! "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+        apt-get -o Dpkg::Use-Pty=0 install -y --no-install-recommends --no-remove "${missing[@]}" >"$log" 2>&1; then
+        tail -n 40 "$log" >&2
+        rm -f "$log"
+        return 1
+    fi
+    rm -f "$log"
 }

@@ -7,6 +7,9 @@
 #include "app/commands/info_text.h"
 #include "core/cloud/cloud_statistics.h"
 #include "core/error.h"
+#include "core/octree/layered_points.h"
+#include "core/octree/layered_validation.h"
+#include "core/octree/sampling_quality.h"
 #include "io/format.h"
 #include "io/las/las_source.h"
 
@@ -16,7 +19,8 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr OptionRow kRows[] = {
-    {"--exact", "-x", "", "", "read every point: true bounds and ranges, counts by return and class; says where the header lies"},
+    {"--exact", "-x", "", "", "read every point: true bounds and ranges, counts by return and class; says where the header lies. An LOD set's hierarchy is always validated, with --exact each point too"},
+    {"--quality", "", "", "", "of an LOD set: how evenly each level is sampled"},
     shared_option::kJson,
     shared_option::kThreads,
 };
@@ -103,20 +107,40 @@ ordered_json points_report(const std::string& path, const Format& format, const 
     return report;
 }
 
-ordered_json layered_report(const std::string& path, const Format& format) {
+ordered_json sampling_json(LayeredCloud& cloud, int threads) {
+    ordered_json levels = ordered_json::array();
+    for (const LevelSampling& level : measure_sampling(cloud, {.threads = threads}))
+        levels.push_back({{"level", level.level}, {"spacing", level.spacing}, {"inner_nodes", level.inner_nodes},
+                          {"measured_nodes", level.measured_nodes}, {"kept_points", level.kept_points},
+                          {"removed_points", level.removed_points}, {"removed_total", level.removed_total},
+                          {"reach", level.reach}, {"neighbor_min", level.neighbor_min}, {"neighbor_p5", level.neighbor_p5},
+                          {"neighbor_median", level.neighbor_median}, {"coverage_p99", level.coverage_p99},
+                          {"coverage_max", level.coverage_max}});
+    return levels;
+}
+
+// A set is always validated: the hierarchy by itself, and with --exact every point as well.
+ordered_json layered_report(const std::string& path, const Format& format, const Options& options) {
     const std::unique_ptr<LayeredCloud> cloud = open_layered(path);
-    std::vector<uint64_t> points_per_level;
-    for (NodeId id = 0; id < cloud->node_count(); ++id) {
-        if (cloud->node(id).children_pending) cloud->load_children(id);
-        const LayeredNode& node = cloud->node(id);
-        if (points_per_level.size() <= node.key.level) points_per_level.resize(node.key.level + 1);
-        points_per_level[node.key.level] += node.points;
+    const int threads = thread_count(options);
+    const bool exact = options.given("--exact");
+    const LayeredSummary summary = validate_layered(*cloud, {.name = path, .read_points = exact, .threads = threads});
+    const CloudInfo& info = cloud->info();
+    ordered_json report = cloud_json(path, format, info);
+    for (size_t a = 0; a < info.attribute_min.size(); ++a) {
+        if (info.attribute_min[a].empty() || info.attribute_max[a].empty()) continue;
+        const bool one = info.attributes[a].components == 1;
+        report["attributes"][a]["min"] = one ? ordered_json(info.attribute_min[a][0]) : ordered_json(info.attribute_min[a]);
+        report["attributes"][a]["max"] = one ? ordered_json(info.attribute_max[a][0]) : ordered_json(info.attribute_max[a]);
     }
-    ordered_json report = cloud_json(path, format, cloud->info());
-    report["nodes"] = cloud->node_count();
-    report["levels"] = points_per_level.size();
+    report["nodes"] = summary.nodes;
+    report["levels"] = summary.points_per_level.size();
     report["spacing"] = cloud->node_count() > 0 ? cloud->node(cloud->root()).spacing : 0.0;
-    report["points_per_level"] = points_per_level;
+    report["points_per_level"] = summary.points_per_level;
+    report["valid"] = true;
+    report["validated"] = exact ? "every point" : "hierarchy";
+    if (exact) add_exact(LayeredPoints(*cloud), threads, report);
+    if (options.given("--quality")) report["sampling"] = sampling_json(*cloud, threads);
     return report;
 }
 
@@ -128,7 +152,7 @@ void print(const std::string& text) {
 int run(const Options& options) {
     const std::string& path = options.positional.front();
     const Format& format = identify_format(path);
-    const ordered_json report = format.kind == FormatKind::layered ? layered_report(path, format) : points_report(path, format, options);
+    const ordered_json report = format.kind == FormatKind::layered ? layered_report(path, format, options) : points_report(path, format, options);
     // Names and texts from a file may be of any encoding; JSON is UTF-8.
     const std::string text = report.dump(2, ' ', false, ordered_json::error_handler_t::replace);
     print(options.given("--json") ? text + "\n" : info_text(text));

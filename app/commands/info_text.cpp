@@ -122,6 +122,24 @@ void share_rows(const ordered_json& counts, const char* label, bool classes, Blo
     }
 }
 
+// Distances in spacings of the level, over the points of all levels down to it.
+void sampling_rows(const ordered_json& levels, Block& block) {
+    block.row("sampling", "       spacing       kept   nearest kept neighbor       left out   to a kept point");
+    block.row("sampling", "                            min     5 %  median                     99 %     max");
+    bool picked = false;
+    for (const ordered_json& level : levels) {
+        const auto cell = [&](const char* key, size_t width) { return padded(number_text(level[key], 3), width, true); };
+        std::string line = padded(number_text(level["level"]), 3, true) + cell("spacing", 11) +
+                           padded(with_commas(level["kept_points"]), 11, true) + cell("neighbor_min", 8) + cell("neighbor_p5", 8) +
+                           cell("neighbor_median", 8) + padded(with_commas(level["removed_points"]), 15, true) +
+                           cell("coverage_p99", 8) + cell("coverage_max", 8);
+        picked |= level["removed_points"] != level["removed_total"] || level["measured_nodes"] != level["inner_nodes"];
+        block.row("sampling", line);
+    }
+    block.row("sampling", "distances are in spacings of the level; those beyond 4 count as 4");
+    if (picked) block.row("sampling", "large levels are measured on nodes picked by hash, exactly around those; --json counts them");
+}
+
 void layer_rows(const ordered_json& report, Block& block) {
     if (report.contains("nodes")) block.row("nodes", with_commas(report["nodes"]));
     if (report.contains("spacing") && report["spacing"].is_number()) block.row("spacing", number_text(report["spacing"]));
@@ -130,7 +148,11 @@ void layer_rows(const ordered_json& report, Block& block) {
         for (const ordered_json& count : report["points_per_level"])
             block.row("levels", padded(std::to_string(level++), 3, true) + padded(with_commas(count), 16, true));
     }
-    if (report.contains("valid")) block.row("valid", report["valid"].get<bool>() ? "yes" : "no");
+    if (report.contains("valid")) {
+        const std::string checked = report.value("validated", "");
+        block.row("valid", (report["valid"].get<bool>() ? "yes" : "no") + (checked.empty() ? checked : ", as far as checked: " + checked));
+    }
+    if (report.contains("sampling")) sampling_rows(report["sampling"], block);
 }
 
 }  // namespace

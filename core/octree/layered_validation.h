@@ -1,7 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
+#include <string>
 #include <vector>
 
 #include "core/octree/layered_cloud.h"
@@ -9,9 +9,9 @@
 namespace strata {
 
 struct ValidationSettings {
+    std::string name = {};     // of the cloud, for messages; may be empty
     bool read_points = false;  // decode every node too, not only the hierarchy
     int threads = 1;
-    std::function<void(uint64_t points_done)> on_progress = {};  // may be empty; called from any thread, one at a time
 };
 
 /// A layered cloud as it was found.
@@ -20,16 +20,12 @@ struct LayeredSummary {
     uint64_t points = 0;
     uint64_t point_bytes = 0;  // stored
     std::vector<uint64_t> nodes_per_level, points_per_level;
-    // Of the points themselves; empty unless they were read.
-    Box3d bounds;
-    std::vector<std::vector<double>> attribute_min, attribute_max;  // [attribute][component], stored values
 };
 
 /// Loads the whole hierarchy and checks it: children lie in their parents' octants, byte ranges do not overlap, the
 /// nodes hold as many points as the cloud states. With read_points each node is decoded as well, and each of its points
 /// must lie in the node's cube, up to one quantum: writers compare before or after they round.
-/// throws  Error{malformed} naming the first faulty node in the order of keys, whatever the number of threads;
-///         Error{io} as the cloud throws
+/// throws  Error{malformed} naming the first fault, whatever the number of threads; Error as the cloud throws
 /// cost    memory for one node a thread, and the hierarchy
 LayeredSummary validate_layered(LayeredCloud& cloud, const ValidationSettings& settings);
 

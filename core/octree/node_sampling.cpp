@@ -17,6 +17,7 @@ void NodeSampler::start(const NodeKey& node) {
         occupied_[cell.row() * kRowBytes + size_t(cell.x) / 8] = 0;
     }
     kept_.clear();
+    level_ = node.level;
     spacings_per_quantum_ = frame_.scale / frame_.spacing(node.level);
     corner_ = Vec3d(node.x, node.y, node.z) * kSpacingsPerSide;
 }
@@ -25,19 +26,20 @@ Vec3f NodeSampler::in_spacings(const Vec3i& p_quanta) const {
     return (p_quanta.cast<double>().cwiseProduct(spacings_per_quantum_) - corner_).cast<float>();
 }
 
-void NodeSampler::insert(const Vec3f& p) {
+void NodeSampler::insert(const Vec3f& p, float distance_squared) {
     const Cell cell(p);
     uint8_t& bits = occupied_[cell.row() * kRowBytes + size_t(cell.x) / 8];
     const uint8_t bit = uint8_t(1u << cell.x % 8);
     uint32_t& first = first_in_cell_[cell.index()];
-    kept_.push_back({p, bits & bit ? first : kNone});
+    kept_.push_back({p, distance_squared, bits & bit ? first : kNone});
     first = uint32_t(kept_.size()) - 1;
     bits |= bit;
 }
 
-void NodeSampler::add_seed(const Vec3i& p_quanta) {
+void NodeSampler::add_seed(const Vec3i& p_quanta, uint32_t kept_level) {
     const Vec3f p = in_spacings(p_quanta);
-    if ((p.array() > -1.0f).all() && (p.array() < float(kSpacingsPerSide) + 1.0f).all()) insert(p);
+    const float distance = kept_level <= level_ ? 1.0f : std::ldexp(1.0f, int(level_) - int(kept_level));
+    if ((p.array() > -distance).all() && (p.array() < float(kSpacingsPerSide) + distance).all()) insert(p, distance * distance);
 }
 
 bool NodeSampler::near_faces(const Vec3i& p_quanta) const {
@@ -47,7 +49,7 @@ bool NodeSampler::near_faces(const Vec3i& p_quanta) const {
 
 bool NodeSampler::any_within_spacing(const Vec3f& p, size_t cell) const {
     for (uint32_t at = first_in_cell_[cell]; at != kNone; at = kept_[at].next)
-        if ((kept_[at].p - p).squaredNorm() < 1.0f) return true;
+        if ((kept_[at].p - p).squaredNorm() < kept_[at].distance_squared) return true;
     return false;
 }
 
@@ -79,22 +81,29 @@ void NodeSampler::sample(std::span<const Vec3i> positions, std::vector<uint32_t>
     candidates_.resize(positions.size());
     is_kept_.assign(positions.size(), false);
     for (size_t i = 0; i < positions.size(); ++i) candidates_[i] = in_spacings(positions[i]);
+    const auto visit = [&](uint32_t i) {
+        if (is_kept_[i] || has_close_neighbour(candidates_[i])) return;
+        insert(candidates_[i], 1.0f);
+        is_kept_[i] = true;
+    };
     // A random permutation without a table: a bijection of the numbers below the next power of two, those beyond n
     // left out. Multiplying by odd numbers and shifting right are both invertible there.
     const uint32_t bits = uint32_t(std::bit_width(std::max<size_t>(positions.size(), 2) - 1));
     const uint32_t mask = uint32_t((uint64_t{1} << bits) - 1);
     const uint32_t half = (bits + 1) / 2;
-    for (uint64_t turn = 0; turn <= mask; ++turn) {
+    // So many random darts fill a surface; the rest, in the order of memory, finds the gaps that are left.
+    constexpr uint64_t kRandomDarts = 1 << 16;
+    for (uint64_t turn = 0; turn <= mask && turn < kRandomDarts; ++turn) {
         uint32_t i = uint32_t(turn);
         i = (i * 0x9e3779b1u) & mask;
         i ^= i >> half;
         i = (i * 0x85ebca6bu) & mask;
         i ^= i >> half;
         i = (i * 0xc2b2ae35u) & mask;
-        if (i >= positions.size() || has_close_neighbour(candidates_[i])) continue;
-        insert(candidates_[i]);
-        is_kept_[i] = true;
+        if (i < positions.size()) visit(i);
     }
+    if (mask >= kRandomDarts)
+        for (uint32_t i = 0; i < positions.size(); ++i) visit(i);
     for (uint32_t i = 0; i < positions.size(); ++i)
         if (is_kept_[i]) kept.push_back(i);
 }

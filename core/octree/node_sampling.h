@@ -21,8 +21,9 @@ public:
     /// Forgets the last node; the following calls concern this one.
     void start(const NodeKey& node);
 
-    /// A point (stored quanta) that a neighbour keeps. Ignored when it is farther from the node than the spacing.
-    void add_seed(const Vec3i& p_quanta);
+    /// A point (stored quanta) that another node keeps. Ignored when it is farther from the node than the spacing.
+    /// kept_level  of the node that keeps it: to points of deeper levels it is enough to keep their smaller spacing
+    void add_seed(const Vec3i& p_quanta, uint32_t kept_level);
 
     /// positions  stored quanta, in an order that depends on the points alone; all inside the node
     /// kept       receives ascending indices
@@ -35,7 +36,8 @@ public:
 private:
     static constexpr uint32_t kNone = ~uint32_t{0};
     struct Kept {
-        Vec3f p;        // in spacings from the node's lowest corner
+        Vec3f p;         // in spacings from the node's lowest corner
+        float distance_squared;  // that candidates keep from it; 1 unless it is of a deeper level
         uint32_t next;  // index of the next in the same cell, or kNone
     };
     // Cells of one spacing; two more on each side so that seeds and neighbour cells stay inside.
@@ -54,9 +56,10 @@ private:
     Vec3f in_spacings(const Vec3i& p_quanta) const;
     bool any_within_spacing(const Vec3f& p, size_t cell) const;
     bool has_close_neighbour(const Vec3f& p) const;
-    void insert(const Vec3f& p);
+    void insert(const Vec3f& p, float distance_squared);
 
     OctreeFrame frame_;
+    uint32_t level_ = 0;
     Vec3d spacings_per_quantum_ = Vec3d::Zero();
     Vec3d corner_ = Vec3d::Zero();  // of the node, in spacings from the root's corner
     std::vector<uint8_t> occupied_;        // [kCells^2][kRowBytes] a bit a cell: small enough to stay in cache

@@ -91,9 +91,7 @@ public:
                     store_.discard(chunk);
                     drop_attributes(layout_, attribute_kept, builder.records());
                     if (!wait_for_neighbours(chunk)) return;
-                    finish(chunk, builder.build(partition_.chunks()[chunk].key, [&](const NodeKey& key) {
-                        return border_of_lower_rank(key, chunk);
-                    }));
+                    finish(chunk, builder.build(partition_.chunks()[chunk].key, seeds_for(chunk)));
                     progress_.add(partition_.chunks()[chunk].points);
                 }
             } catch (...) {
@@ -105,11 +103,8 @@ public:
         });
     }
 
-    /// The border of a node inside a chunk, for the nodes above the chunks.
-    std::span<const Vec3i> border(const NodeKey& key) const {
-        const auto chunk = partition_.chunk_above(key);
-        return chunk ? find_border(*chunk, key) : std::span<const Vec3i>();
-    }
+    /// What a chunk keeps near its faces, for the nodes above the chunks.
+    std::span<const BorderPoint> border(uint32_t chunk) const { return borders_[chunk]; }
 
 private:
     // A finished chunk waits for those of lower rank before it is stored; no worker runs far ahead of that.
@@ -128,19 +123,23 @@ private:
         return !failed_;
     }
 
-    std::span<const Vec3i> find_border(uint32_t chunk, const NodeKey& key) const {
-        const auto found = borders_[chunk].find(key);
-        return found != borders_[chunk].end() ? std::span<const Vec3i>(found->second) : std::span<const Vec3i>();
-    }
-
-    std::span<const Vec3i> border_of_lower_rank(const NodeKey& key, uint32_t chunk) const {
-        const auto other = partition_.chunk_above(key);
-        return other && schedule_.rank[*other] < schedule_.rank[chunk] ? find_border(*other, key) : std::span<const Vec3i>();
+    // Of the adjacent chunks of lower rank, the border points that are near this chunk.
+    std::vector<BorderPoint> seeds_for(uint32_t chunk) const {
+        const NodeKey& key = partition_.chunks()[chunk].key;
+        const double side = frame_.node_side(key.level), reach = frame_.spacing(key.level);
+        const Vec3d low = Vec3d(key.x, key.y, key.z) * side;
+        std::vector<BorderPoint> seeds;
+        for (const uint32_t other : schedule_.waits_for[chunk])
+            for (const BorderPoint& point : borders_[other]) {
+                const Vec3d p = point.p_quanta.cast<double>().cwiseProduct(frame_.scale) - low;
+                if ((p.array() > -reach).all() && (p.array() < side + reach).all()) seeds.push_back(point);
+            }
+        return seeds;
     }
 
     void finish(uint32_t chunk, Subtree subtree) {
         std::unique_lock lock(mutex_);
-        borders_[chunk] = std::move(subtree.borders);
+        borders_[chunk] = std::move(subtree.border);
         done_[chunk] = true;
         finished_[chunk] = std::move(subtree);
         changed_.notify_all();
@@ -168,7 +167,7 @@ private:
     ChunkSchedule schedule_;
     std::mutex mutex_;
     std::condition_variable changed_;
-    std::vector<NodeBorders> borders_;  // [chunk]; written before done_, read after
+    std::vector<std::vector<BorderPoint>> borders_;  // [chunk]; written before done_, read after
     std::vector<Subtree> finished_;     // [chunk]
     std::vector<bool> done_;            // [chunk]
     uint32_t next_rank_ = 0, next_stored_ = 0;
@@ -297,7 +296,7 @@ BuildReport build_octree(const PointSource& source, const BuildSettings& setting
     ChunkBuild chunks(*partition, frame, layout, store, sink, output, promoted, progress);
     chunks.run(threads, kept);
     merge_top(*partition, frame, without(layout, kept).size, threads, promoted,
-              [&](const NodeKey& key) { return chunks.border(key); }, sink,
+              [&](uint32_t chunk) { return chunks.border(chunk); }, sink,
               [&](std::span<const BuiltNode> nodes, std::span<const std::byte> bytes) { output.append(nodes, bytes); });
     if (report.points_written != report.points_read)
         throw Error(ErrorKind::malformed, "the nodes hold " + std::to_string(report.points_written) + " points, " +

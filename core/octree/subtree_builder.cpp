@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <iterator>
 
 #include "core/octree/record_layout.h"
 #include "core/octree/record_sort.h"
@@ -16,20 +17,12 @@ bool inside(const NodeKey& key, const NodeKey& ancestor) {
 
 bool touches_faces_of(const NodeKey& key, const NodeKey& ancestor) {
     const uint32_t up = key.level - ancestor.level;
-    const auto at_end = [&](uint32_t cell) {
-        const uint32_t within = cell & ((1u << up) - 1);
-        return within == 0 || within == (1u << up) - 1;
-    };
+    const uint32_t last = uint32_t((uint64_t{1} << up) - 1);
+    const auto at_end = [&](uint32_t cell) { return (cell & last) == 0 || (cell & last) == last; };
     return at_end(key.x) || at_end(key.y) || at_end(key.z);
 }
 
 }  // namespace
-
-void add_seeds_of_neighbours(NodeSampler& sampler, const NodeKey& node, const BorderOf& border_of) {
-    for_each_neighbour(node, [&](const NodeKey& key) {
-        for (const Vec3i& p_quanta : border_of(key)) sampler.add_seed(p_quanta);
-    });
-}
 
 SubtreeBuilder::SubtreeBuilder(const OctreeFrame& frame, size_t record_size, const NodeSink& sink)
     : frame_(frame), record_size_(record_size), sink_(sink), sampler_(frame) {}
@@ -37,7 +30,7 @@ SubtreeBuilder::SubtreeBuilder(const OctreeFrame& frame, size_t record_size, con
 uint64_t SubtreeBuilder::memory_needed(uint64_t points, size_t record_size) {
     // Records twice while sorting, once more encoded; two codes, two coded indices of a bucket; candidates and lists.
     constexpr uint64_t kSamplerBytes = 12'000'000;
-    return kSamplerBytes + points * (3 * record_size + 2 * 8 + 16 + 1 + 12 + 16 + 3 * 4);
+    return kSamplerBytes + points * (3 * record_size + 2 * 8 + 16 + 1 + 2 * 12 + 4 * 4);
 }
 
 uint32_t SubtreeBuilder::digit(uint32_t index, uint32_t depth) const {
@@ -46,111 +39,138 @@ uint32_t SubtreeBuilder::digit(uint32_t index, uint32_t depth) const {
     return uint32_t(deeper >> 3 * (2 * kCodeLevels - 1 - depth) & 7);
 }
 
-bool SubtreeBuilder::coincide(uint32_t begin, uint32_t end) const {
-    return std::memcmp(record(begin), record(end - 1), 12) == 0;  // the first and last in cell order
-}
-
-void SubtreeBuilder::divide(const NodeKey& root) {
-    levels_.clear();
-    levels_.push_back({Node{.key = root, .begin = 0, .end = uint32_t(codes_.size())}});
-    for (uint32_t depth = 0; !levels_[depth].empty(); ++depth) {
-        std::vector<Node> below;
-        for (Node& node : levels_[depth]) {
-            node.leaf = node.end - node.begin <= kMaxLeafPoints || node.key.level == kMaxLevel || coincide(node.begin, node.end);
-            if (node.leaf) continue;
-            for (uint32_t begin = node.begin; begin < node.end;) {
-                const uint32_t octant = digit(begin, depth);
-                uint32_t low = begin + 1, high = node.end;  // the first record of another octant
-                while (low < high) {
-                    const uint32_t middle = low + (high - low) / 2;
-                    if (digit(middle, depth) == octant)
-                        low = middle + 1;
-                    else
-                        high = middle;
-                }
-                node.children.push_back(uint32_t(below.size()));
-                below.push_back({.key = node.key.child(int(octant)), .begin = begin, .end = low});
-                begin = low;
-            }
-        }
-        levels_.push_back(std::move(below));
-    }
-    levels_.pop_back();
-}
-
-void SubtreeBuilder::sample_node(uint32_t depth, size_t index, const NodeKey& root, const BorderOf& outside_border_of) {
-    std::vector<Node>& level = levels_[depth];
-    Node& node = level[index];
-    candidate_records_.clear();
-    for (const uint32_t child_index : node.children) {
-        const Node& child = levels_[depth + 1][child_index];
-        if (child.leaf)
-            for (uint32_t i = child.begin; i < child.end; ++i) candidate_records_.push_back(i);
-        else
-            candidate_records_.insert(candidate_records_.end(), child.kept.begin(), child.kept.end());
-    }
-    candidates_.resize(candidate_records_.size());
-    for (size_t i = 0; i < candidates_.size(); ++i) candidates_[i] = record_position(record(candidate_records_[i]));
-
+// Decides whether the node is a leaf, and notes the border that it has from above.
+void SubtreeBuilder::prepare(Node& node, const NodeKey& root) {
+    const uint64_t rest = node.end - node.begin - node.kept_above.size();
+    const bool coincide = std::memcmp(record(node.begin), record(node.end - 1), 12) == 0;  // first and last in cell order
+    node.leaf = rest <= kMaxLeafPoints || node.key.level == kMaxLevel || coincide;
+    node.at_face = touches_faces_of(node.key, root);
     sampler_.start(node.key);
-    add_seeds_of_neighbours(sampler_, node.key, [&](const NodeKey& key) -> std::span<const Vec3i> {
-        if (!inside(key, root)) return outside_border_of(key);
-        const auto found = std::lower_bound(level.begin(), level.end(), key,
-                                            [](const Node& a, const NodeKey& b) { return octant_order(a.key, b); });
-        return found != level.end() && found->key == key ? std::span<const Vec3i>(found->border) : std::span<const Vec3i>();
+    for (const uint32_t i : node.kept_above)
+        if (const Vec3i p_quanta = record_position(record(i)); sampler_.near_faces(p_quanta)) node.border.push_back(p_quanta);
+}
+
+// What is kept so far around a node inside the chunk: by nodes of its level, or above leaves that end higher up.
+void SubtreeBuilder::add_seeds_of_neighbours(const NodeKey& node, const NodeKey& root, const std::vector<Node>& level,
+                                             const LeafBorders& leaf_borders) {
+    const auto plant = [&](const std::vector<Vec3i>& border) {
+        for (const Vec3i& p_quanta : border) sampler_.add_seed(p_quanta, node.level);
+    };
+    for_each_neighbour(node, [&](NodeKey key) {
+        if (!inside(key, root)) return;
+        const auto found =
+            std::lower_bound(level.begin(), level.end(), key, [](const Node& a, const NodeKey& k) { return octant_order(a.key, k); });
+        if (found != level.end() && found->key == key) return plant(found->border);
+        while (key.level > root.level) {
+            key = key.parent();
+            if (const auto leaf = leaf_borders.find(key); leaf != leaf_borders.end()) return plant(leaf->second);
+        }
     });
+}
+
+// The sampler has its seeds.
+void SubtreeBuilder::sample(Node& node) {
+    candidates_.clear();
+    candidate_records_.clear();
+    for (uint32_t i = node.begin; i < node.end; ++i) {
+        if (kept_[i]) continue;
+        candidate_records_.push_back(i);
+        candidates_.push_back(record_position(record(i)));
+    }
     sampler_.sample(candidates_, picked_);
-    node.kept.resize(picked_.size());
-    for (size_t i = 0; i < picked_.size(); ++i) {
-        node.kept[i] = candidate_records_[picked_[i]];
-        keeper_depth_[node.kept[i]] = uint8_t(depth);
-        if (sampler_.near_faces(candidates_[picked_[i]])) node.border.push_back(candidates_[picked_[i]]);
+    for (const uint32_t pick : picked_) {
+        kept_[candidate_records_[pick]] = true;
+        node.kept.push_back(candidate_records_[pick]);
+        if (sampler_.near_faces(candidates_[pick])) node.border.push_back(candidates_[pick]);
     }
 }
 
-void SubtreeBuilder::encode_node(uint32_t depth, const Node& node, Subtree& subtree) {
+void SubtreeBuilder::add_to_border(const Node& node, const NodeKey& root, Subtree& subtree) {
+    if (!node.at_face) return;
+    const double side = frame_.node_side(root.level), spacing = frame_.spacing(node.key.level);
+    const Vec3d low = Vec3d(root.x, root.y, root.z) * side;
+    for (const uint32_t i : node.kept) {
+        const Vec3i p_quanta = record_position(record(i));
+        const Vec3d p = p_quanta.cast<double>().cwiseProduct(frame_.scale) - low;
+        if ((p.array() < spacing).any() || (p.array() > side - spacing).any()) subtree.border.push_back({p_quanta, node.key.level});
+    }
+}
+
+std::vector<SubtreeBuilder::Node> SubtreeBuilder::divide(const Node& node, uint32_t depth) const {
+    std::vector<uint32_t> kept(node.kept_above.size() + node.kept.size());
+    std::merge(node.kept_above.begin(), node.kept_above.end(), node.kept.begin(), node.kept.end(), kept.begin());
+    std::vector<Node> children;
+    auto kept_begin = kept.begin();
+    for (uint32_t begin = node.begin; begin < node.end;) {
+        const uint32_t octant = digit(begin, depth);
+        uint32_t low = begin + 1, high = node.end;  // the first record of another octant
+        while (low < high) {
+            const uint32_t middle = low + (high - low) / 2;
+            if (digit(middle, depth) == octant)
+                low = middle + 1;
+            else
+                high = middle;
+        }
+        const auto kept_end = std::lower_bound(kept_begin, kept.end(), low);
+        children.push_back({.key = node.key.child(int(octant)), .begin = begin, .end = low, .kept_above = {kept_begin, kept_end}});
+        kept_begin = kept_end;
+        begin = low;
+    }
+    return children;
+}
+
+void SubtreeBuilder::encode(const Node& node, Subtree& subtree) {
     scratch_.clear();
-    const auto take = [&](uint32_t index) {
-        if (keeper_depth_[index] == depth) scratch_.insert(scratch_.end(), record(index), record(index) + record_size_);
-    };
-    if (node.leaf)
-        for (uint32_t i = node.begin; i < node.end; ++i) take(i);
-    else
+    const auto take = [&](uint32_t index) { scratch_.insert(scratch_.end(), record(index), record(index) + record_size_); };
+    if (node.leaf) {
+        for (uint32_t i = node.begin; i < node.end; ++i)
+            if (!kept_[i]) take(i);
+    } else {
         for (const uint32_t i : node.kept) take(i);
+    }
     const uint32_t points = uint32_t(scratch_.size() / record_size_);
-    if (points == 0 && node.leaf) return;  // all moved up: nothing is left to store
+    if (points == 0 && node.leaf) return;  // all are kept above: nothing is left to store
     const uint64_t offset = subtree.bytes.size();
     if (points > 0) sink_.encode(scratch_, points, subtree.bytes);
     subtree.nodes.push_back({node.key, points, offset, subtree.bytes.size() - offset});
     subtree.points += points;
 }
 
-Subtree SubtreeBuilder::build(const NodeKey& root, const BorderOf& outside_border_of) {
+Subtree SubtreeBuilder::build(const NodeKey& root, std::span<const BorderPoint> seeds) {
     root_level_ = root.level;
     sort_records(frame_, root.level, record_size_, records_, scratch_, codes_);
-    divide(root);
-    keeper_depth_.resize(codes_.size());
-    for (size_t depth = 0; depth < levels_.size(); ++depth)
-        for (const Node& node : levels_[depth])
-            if (node.leaf) std::fill(keeper_depth_.begin() + node.begin, keeper_depth_.begin() + node.end, uint8_t(depth));
-    for (uint32_t depth = uint32_t(levels_.size()); depth-- > 0;)
-        for (size_t index = 0; index < levels_[depth].size(); ++index)
-            if (!levels_[depth][index].leaf) sample_node(depth, index, root, outside_border_of);
-
+    kept_.assign(codes_.size(), false);
     Subtree subtree{.root = root};
-    Node& top = levels_[0][0];
-    subtree.root_is_leaf = top.leaf;
-    for (uint32_t depth = 1; depth < levels_.size(); ++depth)
-        for (const Node& node : levels_[depth]) encode_node(depth, node, subtree);
-    if (top.leaf) {
-        subtree.root_records = records_;
-    } else {
-        for (const uint32_t i : top.kept)
-            subtree.root_records.insert(subtree.root_records.end(), record(i), record(i) + record_size_);
+    LeafBorders leaf_borders;
+    std::vector<Node> level = {Node{.key = root, .begin = 0, .end = uint32_t(codes_.size())}};
+    for (uint32_t depth = 0; !level.empty(); ++depth) {
+        for (Node& node : level) prepare(node, root);
+        std::vector<Node> below;
+        for (Node& node : level) {
+            if (node.leaf) continue;
+            sampler_.start(node.key);
+            for (const uint32_t i : node.kept_above) sampler_.add_seed(record_position(record(i)), node.key.level);
+            add_seeds_of_neighbours(node.key, root, level, leaf_borders);
+            if (node.at_face)
+                for (const BorderPoint& seed : seeds) sampler_.add_seed(seed.p_quanta, seed.level);
+            sample(node);
+            add_to_border(node, root, subtree);
+            std::vector<Node> children = divide(node, depth);
+            std::move(children.begin(), children.end(), std::back_inserter(below));
+        }
+        for (Node& node : level) {
+            if (depth > 0) {
+                encode(node, subtree);
+            } else if (node.leaf) {
+                subtree.root_records = records_;
+            } else {
+                for (const uint32_t i : node.kept)
+                    subtree.root_records.insert(subtree.root_records.end(), record(i), record(i) + record_size_);
+            }
+            if (node.leaf) leaf_borders[node.key] = std::move(node.border);
+        }
+        level = std::move(below);
     }
-    for (std::vector<Node>& level : levels_)
-        for (Node& node : level)
-            if (!node.border.empty() && touches_faces_of(node.key, root)) subtree.borders[node.key] = std::move(node.border);
     return subtree;
 }
 

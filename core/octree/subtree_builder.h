@@ -15,27 +15,25 @@ namespace strata {
 /// Most points of a leaf, unless they coincide.
 inline constexpr uint64_t kMaxLeafPoints = 10'000;
 
-/// Positions (stored quanta) that finished nodes keep near their faces; what neighbours plant as seeds.
-using NodeBorders = std::map<NodeKey, std::vector<Vec3i>>;
-
-/// The border of a node outside the subtree, if it was sampled before by everybody's order; else empty.
-using BorderOf = std::function<std::span<const Vec3i>(const NodeKey&)>;
-
-/// Plants the borders of the neighbours of a node.
-void add_seeds_of_neighbours(NodeSampler& sampler, const NodeKey& node, const BorderOf& border_of);
+/// A point (stored quanta) that a finished node keeps, so near to the faces of its chunk that others must know of it.
+struct BorderPoint {
+    Vec3i p_quanta;
+    uint32_t level;  // of the node that keeps it
+};
 
 /// A finished chunk: all its nodes but the root, whose points may still move up.
 struct Subtree {
     std::vector<BuiltNode> nodes;     // by level, then in octant order
     std::vector<std::byte> bytes;     // their stored form
     NodeKey root;
-    bool root_is_leaf = false;
     std::vector<std::byte> root_records;  // what the root keeps, sorted
-    NodeBorders borders;              // of inner nodes that touch the subtree's faces
+    std::vector<BorderPoint> border;      // nearer to the chunk's faces than the spacing of their level
     uint64_t points = 0;              // in `nodes`; the root's not counted
 };
 
 /// Builds one chunk after the other, keeping its buffers. One per thread.
+/// From the root down, each inner node keeps a maximal subset of the points that no node above it keeps, at its spacing
+/// from all that are kept so far: so the union of the levels down to any one is evenly spaced and leaves no gap.
 class SubtreeBuilder {
 public:
     SubtreeBuilder(const OctreeFrame& frame, size_t record_size, const NodeSink& sink);
@@ -43,7 +41,8 @@ public:
     /// Where the next chunk's records go: resize, fill, then build.
     std::vector<std::byte>& records() { return records_; }
 
-    Subtree build(const NodeKey& root, const BorderOf& outside_border_of);
+    /// seeds  border points of adjacent chunks that were built before in everybody's order
+    Subtree build(const NodeKey& root, std::span<const BorderPoint> seeds);
 
     /// Bytes that building a chunk of that many points takes, all told, at most.
     static uint64_t memory_needed(uint64_t points, size_t record_size);
@@ -51,17 +50,21 @@ public:
 private:
     struct Node {
         NodeKey key;
-        uint32_t begin = 0, end = 0;        // records
-        std::vector<uint32_t> children;     // indices into the next level
-        std::vector<uint32_t> kept;         // inner nodes: what they keep, ascending
-        std::vector<Vec3i> border;
+        uint32_t begin = 0, end = 0;       // records in its cube
+        std::vector<uint32_t> kept_above;  // of these, those that nodes above keep; ascending
+        std::vector<uint32_t> kept;        // inner nodes: what it keeps itself; ascending
+        std::vector<Vec3i> border;         // of all that is kept in its cube so far, what is near its faces
         bool leaf = false;
+        bool at_face = false;              // of the chunk
     };
+    using LeafBorders = std::map<NodeKey, std::vector<Vec3i>>;
 
-    void divide(const NodeKey& root);
-    void sample_node(uint32_t depth, size_t index, const NodeKey& root, const BorderOf& outside_border_of);
-    void encode_node(uint32_t depth, const Node& node, Subtree& subtree);
-    bool coincide(uint32_t begin, uint32_t end) const;
+    void prepare(Node& node, const NodeKey& root);
+    void add_seeds_of_neighbours(const NodeKey& key, const NodeKey& root, const std::vector<Node>& level, const LeafBorders& leaf_borders);
+    void sample(Node& node);
+    void add_to_border(const Node& node, const NodeKey& root, Subtree& subtree);
+    std::vector<Node> divide(const Node& node, uint32_t depth) const;
+    void encode(const Node& node, Subtree& subtree);
     uint32_t digit(uint32_t record, uint32_t depth) const;
     const std::byte* record(uint32_t index) const { return records_.data() + size_t(index) * record_size_; }
 
@@ -72,8 +75,7 @@ private:
     uint32_t root_level_ = 0;
     std::vector<std::byte> records_, scratch_;
     std::vector<uint64_t> codes_;
-    std::vector<std::vector<Node>> levels_;  // [depth below the root], each in octant order
-    std::vector<uint8_t> keeper_depth_;      // [records] depth of the highest node that keeps the point
+    std::vector<bool> kept_;              // [records]
     std::vector<Vec3i> candidates_;
     std::vector<uint32_t> candidate_records_, picked_;
 };

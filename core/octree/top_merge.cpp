@@ -55,7 +55,7 @@ std::vector<std::byte> Promoted::take(const NodeKey& key) {
 }
 
 void merge_top(const Partition& partition, const OctreeFrame& frame, size_t record_size, int threads, Promoted& promoted,
-               const BorderOf& border_of, const NodeSink& sink,
+               const std::function<std::span<const BorderPoint>(uint32_t chunk)>& border_of, const NodeSink& sink,
                const std::function<void(std::span<const BuiltNode>, std::span<const std::byte>)>& store) {
     std::vector<NodeRecords> waiting;  // to be encoded together
     if (partition.root() < 0) {
@@ -70,7 +70,7 @@ void merge_top(const Partition& partition, const OctreeFrame& frame, size_t reco
     });
 
     NodeSampler sampler(frame);
-    NodeBorders borders;
+    std::map<NodeKey, std::vector<Vec3i>> borders;  // of finished nodes, near their faces
     for (const Partition::Node* node : inner) {
         std::vector<NodeRecords> children;
         std::vector<Vec3i> candidates;
@@ -82,9 +82,13 @@ void merge_top(const Partition& partition, const OctreeFrame& frame, size_t reco
             for (size_t at = 0; at < records.size(); at += record_size) candidates.push_back(record_position(&records[at]));
         }
         sampler.start(node->key);
-        add_seeds_of_neighbours(sampler, node->key, [&](const NodeKey& key) -> std::span<const Vec3i> {
-            const auto found = borders.find(key);
-            return found != borders.end() ? std::span<const Vec3i>(found->second) : border_of(key);
+        for_each_neighbour(node->key, [&](const NodeKey& key) {
+            if (const auto found = borders.find(key); found != borders.end()) {
+                for (const Vec3i& p_quanta : found->second) sampler.add_seed(p_quanta, key.level);
+            } else if (const auto chunk = partition.chunk_above(key)) {
+                for (const BorderPoint& point : border_of(*chunk))
+                    if (point.level <= key.level) sampler.add_seed(point.p_quanta, key.level);
+            }
         });
         std::vector<uint32_t> picked;
         sampler.sample(candidates, picked);

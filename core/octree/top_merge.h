@@ -35,10 +35,10 @@ private:
 
 /// Samples the nodes above the chunks, level by level from below, and stores them and the chunks' roots.
 /// promoted   what the chunks' roots keep
-/// border_of  borders of nodes inside the chunks
+/// border_of  what a chunk keeps near its faces
 /// store      takes finished nodes, in an order that depends on the points alone
 void merge_top(const Partition& partition, const OctreeFrame& frame, size_t record_size, int threads, Promoted& promoted,
-               const BorderOf& border_of, const NodeSink& sink,
+               const std::function<std::span<const BorderPoint>(uint32_t chunk)>& border_of, const NodeSink& sink,
                const std::function<void(std::span<const BuiltNode>, std::span<const std::byte>)>& store);
 
 }  // namespace strata

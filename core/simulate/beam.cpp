@@ -9,16 +9,8 @@ namespace strata {
 namespace {
 
 const Vec3d kSun = Vec3d(-0.42, -0.48, 0.77).normalized();
-constexpr double kFaintest = 0.06;  // share of the pulse that still makes an echo
-
-struct Echo {
-    double distance = 0.0;
-    double share = 0.0;  // of what arrives here: what this takes; then of the whole pulse
-    Vec3d point = Vec3d::Zero();
-    Vec3d normal = Vec3d::UnitZ();
-    Part part = Part::leaf;
-    Shade shade;
-};
+constexpr double kFaintest = 0.06;   // share of the pulse that still makes an echo
+constexpr double kWireShare = 0.35;  // of a beam that touches a wire
 
 Shade shade_leaf(const Crown& crown, const CrownLook& look, const Vec3d& p) {
     const double level = (p.z() - crown.center.z()) / crown.half_height;
@@ -32,24 +24,6 @@ Shade shade_leaf(const Crown& crown, const CrownLook& look, const Vec3d& p) {
     return {color, 0.5f, classification};
 }
 
-// Places along a span where leaves stop a part of the beam, by Woodcock's tracking through the crown's density.
-size_t meet_leaves(const LeafSpan& span, const Ray& ray, Random& random, std::span<Echo> out) {
-    size_t count = 0;
-    double open = 1.0;
-    double t = span.enter;
-    while (count < out.size() && open > kFaintest) {
-        t -= std::log(1.0 - random.uniform()) / Crown::kDensest;
-        if (t >= span.leave) break;
-        const Vec3d p = ray.at(t);
-        if (random.uniform() * Crown::kDensest >= span.crown->density(p)) continue;
-        const double share = random.uniform(0.3, 0.85);
-        out[count++] = {.distance = t, .share = share, .point = p, .normal = -ray.direction, .part = Part::leaf,
-                        .shade = shade_leaf(*span.crown, *span.look, p)};
-        open *= 1.0 - share;
-    }
-    return count;
-}
-
 // A smooth water surface mirrors: only beams that fall straight down come back, and now and then a ripple's.
 bool water_answers(const Vec3d& direction, Random& random) {
     const double lobe = std::exp(-std::pow(std::acos(std::min(1.0, -direction.z())) / 0.10, 2.0));
@@ -60,58 +34,81 @@ uint16_t full_scale(double value) { return uint16_t(std::clamp(value, 0.0, 1.0) 
 
 }  // namespace
 
-void fire(SceneProbe& probe, const Ray& ray, const BeamModel& model, uint64_t pulse, const ScanPoint& fields, std::vector<ScanPoint>& out) {
-    BeamPath path;
-    probe.trace(ray, model.farthest, model.exit_radius + 120.0 * model.divergence, path);
-    Random random(mix_bits(pulse));
-
-    std::array<Echo, 48> echoes;
-    size_t count = 0;
-    for (size_t i = 0; i < path.leaf_count; ++i) count += meet_leaves(path.leaves[i], ray, random, std::span(echoes).subspan(count, std::min<size_t>(12, 40 - std::min<size_t>(40, count))));
-    for (size_t i = 0; i < path.wire_count; ++i) {
-        const WireTouch& touch = path.wires[i];
-        echoes[count++] = {.distance = touch.hit.distance, .share = 0.35, .point = touch.point, .normal = touch.hit.normal, .part = Part::wire, .shade = {}};
+// Places along a span where leaves stop a part of the beam, by Woodcock's tracking through the crown's density.
+void BeamScanner::meet_leaves(const LeafSpan& span, const Ray& ray, Random& random, size_t most, size_t& count) {
+    double open = 1.0;
+    double t = span.enter;
+    while (count < most && open > kFaintest) {
+        t -= std::log(1.0 - random.uniform()) / Crown::kDensest;
+        if (t >= span.leave) break;
+        const Vec3d p = ray.at(t);
+        if (random.uniform() * Crown::kDensest >= span.crown->density(p)) continue;
+        const double share = random.uniform(0.3, 0.85);
+        echoes_[count++] = {t, share, p, -ray.direction, Part::leaf, &span};
+        open *= 1.0 - share;
     }
-    if (count > 1) std::sort(echoes.begin(), echoes.begin() + std::ptrdiff_t(count), [](const Echo& a, const Echo& b) { return a.distance < b.distance; });
-    if (path.hard.found() && (path.hard.part != Part::water || water_answers(ray.direction, random)))
-        echoes[count++] = {.distance = path.hard.distance, .share = 1.0, .point = ray.at(path.hard.distance), .normal = path.hard.normal, .part = path.hard.part, .shade = {}};
+}
 
-    // Each takes its share of what is left; what is strong enough and apart from the echo before it is recorded.
+// All that the beam may echo from, by distance.
+size_t BeamScanner::gather_echoes(const Ray& ray, Random& random) {
+    constexpr size_t kLeavesOfCrown = 12;
+    constexpr size_t kLeaves = kMostEchoes - std::tuple_size_v<decltype(BeamPath::wires)> - 1;
+    size_t count = 0;
+    for (size_t i = 0; i < path_.leaf_count; ++i) meet_leaves(path_.leaves[i], ray, random, std::min(kLeaves, count + kLeavesOfCrown), count);
+    for (size_t i = 0; i < path_.wire_count; ++i) {
+        const WireTouch& touch = path_.wires[i];
+        echoes_[count++] = {touch.hit.distance, kWireShare, touch.point, touch.hit.normal, Part::wire, nullptr};
+    }
+    if (count > 1) std::sort(echoes_.begin(), echoes_.begin() + std::ptrdiff_t(count), [](const Echo& a, const Echo& b) { return a.distance < b.distance; });
+    const RayHit& hard = path_.hard;
+    if (hard.found() && (hard.part != Part::water || water_answers(ray.direction, random)))
+        echoes_[count++] = {hard.distance, 1.0, ray.at(hard.distance), hard.normal, hard.part, nullptr};
+    return count;
+}
+
+// Each takes its share of what is left; what is strong enough and apart from the echo before it is kept.
+size_t BeamScanner::record_echoes(size_t count, const BeamModel& model) {
     size_t kept = 0;
     double left = 1.0;
     for (size_t i = 0; i < count && kept < size_t(model.most_returns); ++i) {
-        Echo echo = echoes[i];
-        const double taken = echo.share * left;
-        left -= taken;
-        echo.share = taken;
-        if (taken < kFaintest || (kept > 0 && echo.distance - echoes[kept - 1].distance < model.range_resolution)) continue;
-        if (echo.part != Part::leaf) {
-            RayHit hit = path.hard;
-            if (echo.part == Part::wire) hit = RayHit{.distance = echo.distance, .normal = echo.normal, .part = Part::wire};
-            echo.shade = probe.shade(hit, echo.point, *path.tile);
-            // Daylight: sky from everywhere, the sun from the south-west.
-            echo.shade.color *= float(0.74 + 0.34 * std::max(0.0, echo.normal.dot(kSun)));
-        }
-        echoes[kept++] = echo;
+        Echo echo = echoes_[i];
+        echo.share *= left;
+        left -= echo.share;
+        if (echo.share < kFaintest || (kept > 0 && echo.distance - echoes_[kept - 1].distance < model.range_resolution)) continue;
+        echoes_[kept++] = echo;
     }
+    return kept;
+}
 
+Shade BeamScanner::shade(const Echo& echo) const {
+    if (echo.part == Part::leaf) return shade_leaf(*echo.leaves->crown, *echo.leaves->look, echo.point);
+    Shade shade = probe_.shade(echo.part == path_.hard.part ? path_.hard : RayHit{.part = echo.part}, echo.point, path_.tile);
+    // Daylight: sky from everywhere, the sun from the south-west.
+    shade.color *= float(0.74 + 0.34 * std::max(0.0, echo.normal.dot(kSun)));
+    return shade;
+}
+
+void BeamScanner::fire(const Ray& ray, const BeamModel& model, uint64_t pulse, const ScanPoint& fields, std::vector<ScanPoint>& out) {
+    probe_.trace(ray, model.farthest, model.beam_radius, path_);
+    Random random(mix_bits(pulse));
+    const size_t kept = record_echoes(gather_echoes(ray, random), model);
     Random noise(mix_bits(pulse ^ 0x6e6f697365u));
     for (size_t i = 0; i < kept; ++i) {
-        const Echo& echo = echoes[i];
-        ScanPoint point = fields;
+        const Echo& echo = echoes_[i];
+        const Shade surface = shade(echo);
+        ScanPoint& point = out.emplace_back(fields);
         point.position = echo.point;
         if (model.noise > 0.0) point.position += model.noise * noise.normal() * ray.direction;
         const double incidence = echo.part == Part::leaf ? 0.6 : std::abs(echo.normal.dot(ray.direction));
         const double spread = model.reference_range / std::max(echo.distance, 0.35 * model.reference_range);
-        point.intensity = uint16_t(std::clamp(60000.0 * echo.shade.reflectance * incidence * echo.share * spread * spread, 1.0, 65535.0));
-        point.red = full_scale(echo.shade.color.x());
-        point.green = full_scale(echo.shade.color.y());
-        point.blue = full_scale(echo.shade.color.z());
+        point.intensity = uint16_t(std::clamp(60000.0 * surface.reflectance * incidence * echo.share * spread * spread, 1.0, 65535.0));
+        point.red = full_scale(surface.color.x());
+        point.green = full_scale(surface.color.y());
+        point.blue = full_scale(surface.color.z());
         point.return_number = uint8_t(i + 1);
         point.return_count = uint8_t(kept);
-        point.classification = echo.shade.classification;
+        point.classification = surface.classification;
         point.part = echo.part;
-        out.push_back(point);
     }
 }
 

@@ -56,7 +56,7 @@ ConvexSolid build_slab(const HousePlan& plan, double eaves, double side) {
 
 // Windows in rows below the eaves, evenly spread along each wall that stands on its foundation.
 void open_windows(ConvexSolid& body, const HousePlan& plan, double eaves, Random& random) {
-    const double door_wall = std::floor(random.uniform(0.0, 2.0));
+    const int door_wall = random.uniform() < 0.5 ? 0 : 1;
     int wall_index = 0;
     for (Face& wall : body.faces) {
         if (std::abs(wall.normal.z()) > 1e-9) continue;
@@ -69,7 +69,7 @@ void open_windows(ConvexSolid& body, const HousePlan& plan, double eaves, Random
             const bool lowest = sill - 2.75 <= plan.ground_high + 0.55;
             for (int i = 0; i < columns; ++i) {
                 const double middle = (i + 0.5) * pitch;
-                const bool door = lowest && !gable && double(wall_index) == door_wall && i == columns / 2;
+                const bool door = lowest && !gable && wall_index == door_wall && i == columns / 2;
                 if (door) {
                     wall.openings.push_back({middle - 0.55, middle + 0.55, plan.ground_high + 0.05 - base, plan.ground_high + 2.1 - base});
                 } else if (random.uniform() > 0.1) {
@@ -105,8 +105,8 @@ ConvexSolid build_box(const Vec2d& center, const Vec2d& axis, double length, dou
 Building build_house(const HousePlan& plan) {
     static const std::array<Vec3f, 9> walls = {{{0.95f, 0.94f, 0.90f}, {0.93f, 0.88f, 0.74f}, {0.90f, 0.80f, 0.60f}, {0.87f, 0.72f, 0.63f},
                                                 {0.80f, 0.84f, 0.86f}, {0.94f, 0.92f, 0.82f}, {0.85f, 0.86f, 0.76f}, {0.69f, 0.42f, 0.33f}, {0.93f, 0.83f, 0.55f}}};
-    static const std::array<Vec3f, 7> roofs = {{{0.66f, 0.29f, 0.20f}, {0.72f, 0.36f, 0.24f}, {0.56f, 0.24f, 0.18f}, {0.61f, 0.34f, 0.23f},
-                                                {0.50f, 0.30f, 0.23f}, {0.70f, 0.31f, 0.19f}, {0.34f, 0.33f, 0.35f}}};
+    static const std::array<Vec3f, 7> roofs = {{{0.62f, 0.34f, 0.26f}, {0.68f, 0.41f, 0.31f}, {0.54f, 0.30f, 0.25f}, {0.60f, 0.38f, 0.29f},
+                                                {0.49f, 0.34f, 0.28f}, {0.65f, 0.36f, 0.26f}, {0.36f, 0.36f, 0.38f}}};
     static const std::array<Vec3f, 5> shutters = {{{0.20f, 0.38f, 0.26f}, {0.46f, 0.20f, 0.16f}, {0.25f, 0.36f, 0.50f}, {0.48f, 0.36f, 0.24f}, {0.88f, 0.88f, 0.85f}}};
     Random random(plan.seed);
     const double eaves = plan.ground_high + plan.wall_height;
@@ -136,7 +136,7 @@ Building build_house(const HousePlan& plan) {
 Building build_church(const HousePlan& plan) {
     Building church;
     church.look.wall = Vec3f(0.94f, 0.91f, 0.83f);
-    church.look.roof = Vec3f(0.58f, 0.27f, 0.20f);
+    church.look.roof = Vec3f(0.55f, 0.33f, 0.27f);
     church.look.floor_level = plan.ground_high;
     church.look.seed = plan.seed;
     const double eaves = plan.ground_high + plan.wall_height;

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/simulate/waves.h"
-
 namespace strata {
 namespace {
 
@@ -35,8 +33,6 @@ double lateral_slope(uint64_t seed, int64_t line, uint64_t direction, double alo
                sin_cos_turns(along / kBends[i].length + bend_phase(seed, line, direction, i)).cos;
     return sum;
 }
-
-int64_t tile_index(double coordinate) { return int64_t(std::floor(coordinate / kTileSize + 0.5)); }
 
 Vec3f mix(const Vec3f& a, const Vec3f& b, double share) { return a + float(share) * (b - a); }
 
@@ -102,14 +98,16 @@ Land::Field Land::field(double x, double y) const {
     constexpr double kLength = 150.0, kWidth = 62.0;
     const double u = 0.91 * x + 0.41 * y + 14.0 * sin_cos_turns(y / 620.0).sin;
     const double v = -0.41 * x + 0.91 * y + 11.0 * sin_cos_turns(x / 540.0).sin;
-    const double fu = std::floor(u / kLength), su = u - fu * kLength;
-    const double shift = kWidth * lattice_value(int64_t(fu), 0, 0, seed_ ^ 0x666cu);
-    const double fv = std::floor((v + shift) / kWidth), sv = v + shift - fv * kWidth;
+    const int64_t column = floor_to_int(u / kLength);
+    const double su = u - double(column) * kLength;
+    const double shift = kWidth * lattice_value(column, 0, 0, seed_ ^ 0x666cu);
+    const int64_t strip = floor_to_int((v + shift) / kWidth);
+    const double sv = v + shift - double(strip) * kWidth;
     Field field;
-    field.id = mix_bits(uint64_t(int64_t(fu)) * 0x9e3779b97f4a7c15u ^ uint64_t(int64_t(fv)) ^ seed_);
+    field.id = mix_bits(uint64_t(column) * 0x9e3779b97f4a7c15u ^ uint64_t(strip) ^ seed_);
     const double to_u = std::min(su, kLength - su), to_v = std::min(sv, kWidth - sv);
     field.edge = std::min(to_u, to_v);
-    const double line = to_u < to_v ? std::round(u / kLength) : std::round((v + shift) / kWidth) + 0.5 + 1000.0 * fu;
+    const double line = to_u < to_v ? std::round(u / kLength) : std::round((v + shift) / kWidth) + 0.5 + 1000.0 * double(column);
     field.edge_id = mix_bits(uint64_t(int64_t(2.0 * line)) ^ seed_ ^ 0x65646765u);
     field.row = v;
     return field;
@@ -123,7 +121,7 @@ Shade Land::ground(double x, double y) const {
     if (off < kRoadHalfWidth + 0.15 * fine) {
         const double wear = std::abs(off - 1.5) < 0.45 ? 0.03 : 0.0;
         Vec3f color = Vec3f(0.36f, 0.36f, 0.375f) + Vec3f::Constant(float(0.07 * (fine - 0.5) + 0.08 * (coarse - 0.5) - wear));
-        const bool dash = off < 0.09 && along - 6.0 * std::floor(along / 6.0) < 3.0;
+        const bool dash = off < 0.09 && along - 6.0 * double(floor_to_int(along / 6.0)) < 3.0;
         const bool edge = std::abs(off - (kRoadHalfWidth - 0.25)) < 0.07;
         const bool painted = (dash || edge) && other > 7.0;
         if (painted) color = Vec3f(0.93f, 0.93f, 0.90f);
@@ -131,16 +129,16 @@ Shade Land::ground(double x, double y) const {
     }
     const bool village = in_village(x, y);
     if (village && off < kSidewalkHalfWidth) {
-        const double slab = lattice_value(int64_t(std::floor(x / 0.8)), int64_t(std::floor(y / 0.8)), 3, seed_);
+        const double slab = lattice_value(floor_to_int(x / 0.8), floor_to_int(y / 0.8), 3, seed_);
         return {Vec3f(0.66f, 0.64f, 0.60f) + Vec3f::Constant(float(0.08 * (slab - 0.5))), 0.3f, 2};
     }
-    const Vec3f grass = mix(Vec3f(0.30f, 0.44f, 0.17f), Vec3f(0.47f, 0.58f, 0.26f), 0.55 * fine + 0.45 * coarse);
+    const Vec3f grass = mix(Vec3f(0.34f, 0.43f, 0.21f), Vec3f(0.51f, 0.57f, 0.32f), 0.55 * fine + 0.45 * coarse);
     if (village || off < 6.0) {
         // Some lawns are mown shorter than others.
-        const double lot = lattice_value(int64_t(std::floor(x / 19.0)), int64_t(std::floor(y / 23.0)), 5, seed_);
+        const double lot = lattice_value(floor_to_int(x / 19.0), floor_to_int(y / 23.0), 5, seed_);
         Vec3f color = mix(grass, Vec3f(0.56f, 0.62f, 0.30f), 0.35 * lot);
-        const double flower = lattice_value(int64_t(std::floor(x / 0.25)), int64_t(std::floor(y / 0.25)), 9, seed_);
-        if (flower > 0.985) color = flower > 0.993 ? Vec3f(0.95f, 0.92f, 0.80f) : Vec3f(0.93f, 0.80f, 0.25f);
+        const double flower = lattice_value(floor_to_int(x / 0.25), floor_to_int(y / 0.25), 9, seed_);
+        if (flower > 0.9965) color = flower > 0.9985 ? Vec3f(0.95f, 0.92f, 0.80f) : Vec3f(0.93f, 0.80f, 0.25f);
         return {color, 0.48f, 2};
     }
     if (in_wood(x, y)) return {mix(Vec3f(0.33f, 0.26f, 0.17f), Vec3f(0.25f, 0.32f, 0.14f), 0.5 * fine + 0.5 * coarse), 0.38f, 2};
@@ -151,18 +149,18 @@ Shade Land::ground(double x, double y) const {
         float reflectance;
         double furrow;  // metres between rows; 0: none
     };
-    static const std::array<Crop, 8> crops = {{{{0.83f, 0.71f, 0.40f}, 0.45f, 0.0},    // ripe wheat
-                                               {{0.44f, 0.58f, 0.22f}, 0.52f, 0.0},    // young cereal
-                                               {{0.37f, 0.52f, 0.20f}, 0.50f, 0.0},    // meadow
-                                               {{0.37f, 0.52f, 0.20f}, 0.50f, 0.0},
+    static const std::array<Crop, 8> crops = {{{{0.78f, 0.70f, 0.46f}, 0.45f, 0.0},    // ripe wheat
+                                               {{0.47f, 0.56f, 0.30f}, 0.52f, 0.0},    // young cereal
+                                               {{0.41f, 0.50f, 0.26f}, 0.50f, 0.0},    // meadow
+                                               {{0.41f, 0.50f, 0.26f}, 0.50f, 0.0},
                                                {{0.48f, 0.37f, 0.26f}, 0.28f, 1.6},    // ploughed
-                                               {{0.88f, 0.81f, 0.22f}, 0.50f, 0.0},    // rape in flower
-                                               {{0.29f, 0.46f, 0.17f}, 0.48f, 1.5},    // maize
+                                               {{0.83f, 0.77f, 0.34f}, 0.50f, 0.0},    // rape in flower
+                                               {{0.34f, 0.46f, 0.23f}, 0.48f, 1.5},    // maize
                                                {{0.72f, 0.63f, 0.43f}, 0.42f, 2.4}}};  // stubble
     const Crop& crop = crops[plot.id % crops.size()];
     double light = 0.92 + 0.10 * fine + 0.10 * coarse;
     if (crop.furrow > 0.0) light += 0.11 * sin_cos_turns(plot.row / crop.furrow).sin;
-    const double track = plot.row - 16.0 * std::floor(plot.row / 16.0);
+    const double track = plot.row - 16.0 * double(floor_to_int(plot.row / 16.0));
     if (std::abs(track - 7.2) < 0.3 || std::abs(track - 8.8) < 0.3) light -= 0.14;  // wheel tracks
     return {crop.color * float(light), crop.reflectance, 2};
 }

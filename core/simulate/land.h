@@ -3,11 +3,14 @@
 #include <cstdint>
 
 #include "core/math/vec.h"
+#include "core/simulate/waves.h"
 
 namespace strata {
 
 /// Side of a tile of the scene, metres. Each tile holds one crossing of two roads, near its middle.
 inline constexpr double kTileSize = 512.0;
+/// Column or row of the tile that holds a coordinate; tile 0 is centred on the origin.
+inline int64_t tile_index(double coordinate) { return floor_to_int(coordinate / kTileSize + 0.5); }
 
 /// What covers a patch of ground, or any surface, to the eye and to the beam.
 struct Shade {

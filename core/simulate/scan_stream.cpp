@@ -18,12 +18,12 @@ public:
         : scene_(scene), survey_(survey), most_pending_(size_t(threads) * 2), sink_(sink) {}
 
     void work() {
-        SceneProbe probe(scene_);
+        BeamScanner scanner(scene_);
         try {
             for (Ticket ticket; take(ticket);) {
                 std::vector<ScanPoint> points;
-                survey_.scan_block(probe, ticket.part, ticket.block, points);
-                bring(ticket, std::move(points), probe);
+                survey_.scan_block(scanner, ticket.part, ticket.block, points);
+                bring(ticket, std::move(points), scanner);
             }
         } catch (...) {
             const std::lock_guard lock(mutex_);
@@ -56,7 +56,7 @@ private:
         return true;
     }
 
-    void bring(const Ticket& ticket, std::vector<ScanPoint> points, SceneProbe& probe) {
+    void bring(const Ticket& ticket, std::vector<ScanPoint> points, BeamScanner& scanner) {
         const std::lock_guard lock(mutex_);
         pending_.emplace(ticket.number, Pending{ticket, std::move(points)});
         while (!pending_.empty() && pending_.begin()->first == next_to_pass_ && !failed_) {
@@ -68,7 +68,7 @@ private:
             uint64_t block = ready.ticket.block + 1;
             if (block == survey_.parts()[ready.ticket.part].planned_blocks)
                 for (std::vector<ScanPoint> more; passed_ < survey_.parts()[ready.ticket.part].quota; ++block) {
-                    survey_.scan_block(probe, ready.ticket.part, block, more);
+                    survey_.scan_block(scanner, ready.ticket.part, block, more);
                     pass(ready.ticket.part, more);
                 }
         }

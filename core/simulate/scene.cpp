@@ -8,8 +8,6 @@
 namespace strata {
 namespace {
 
-int64_t tile_index(double coordinate) { return int64_t(std::floor(coordinate / kTileSize + 0.5)); }
-
 GroundSample tile_slope(const Terrain& terrain, const SceneTile& tile, double x, double y) {
     GroundSample ground = terrain.slope(x, y);
     tile.pond.lower(x, y, ground);

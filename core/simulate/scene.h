@@ -73,8 +73,9 @@ public:
     GroundSample ground(double x, double y);
     /// Is the point inside a building, pole or trunk, or below ground or water, deeper than `margin`?
     bool buried(const Vec3d& p, double margin);
-    /// Color, reflectance and class of what a beam met at `point`, before light falls on it.
-    Shade shade(const RayHit& hit, const Vec3d& point, const SceneTile& tile) const;
+    /// Color, reflectance and class of what a beam met at `point`, before light falls on it. `tile`: of the path; wires need
+    /// none.
+    Shade shade(const RayHit& hit, const Vec3d& point, const SceneTile* tile) const;
 
 private:
     static constexpr size_t kTilesKept = 24;  // more than any beam crosses; about 1 MB each

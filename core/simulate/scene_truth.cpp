@@ -8,8 +8,6 @@
 namespace strata {
 namespace {
 
-int64_t tile_index(double coordinate) { return int64_t(std::floor(coordinate / kTileSize + 0.5)); }
-
 // The least of f on [low, high], where f has one valley at the scale of kStarts pieces: golden section from the best start.
 template <typename Function>
 double least_argument(double low, double high, Function&& f) {
@@ -129,7 +127,7 @@ NearestPoint SceneProbe::nearest_surface(const Vec3d& query) {
         }
     };
     constexpr double kSize = SceneTile::kCellSize;
-    const auto cell_index = [](double coordinate) { return int64_t(std::floor(coordinate / kSize)); };
+    const auto cell_index = [](double coordinate) { return floor_to_int(coordinate / kSize); };
     const int64_t x0 = cell_index(query.x()), y0 = cell_index(query.y());
     constexpr int kFarthestRing = 64;  // half a kilometre
     for (int ring = 0; ring < kFarthestRing && (ring <= 1 || (ring - 1) * kSize < best.distance); ++ring)

@@ -8,7 +8,7 @@ namespace strata {
 namespace {
 
 constexpr double kDensity = 25.0;             // points per square metre from the air
-constexpr double kLeastExtent = 150.0;        // metres
+constexpr double kLeastExtent = 110.0;        // metres
 constexpr double kSwathHalfAngle = 25.0 * std::numbers::pi / 180.0;
 constexpr double kSidelap = 1.3;              // swath over spacing
 constexpr double kWidestSpacing = 250.0;      // of strips, metres
@@ -16,12 +16,13 @@ constexpr double kFlightSpeed = 50.0;         // m/s
 constexpr double kTurnTime = 90.0;            // s, between strips
 constexpr double kFirstTime = 400'000'000.0;  // adjusted standard GPS time
 constexpr uint64_t kBlockPulses = 32768;
-constexpr double kMargin = 1.01;              // pulses planned over those that the pilot beams ask for
-constexpr double kLowestBeam = -60.0 * std::numbers::pi / 180.0;  // elevation; the tripod hides what is below
+constexpr double kMargin = 1.006;              // pulses planned over those that the pilot beams ask for
+constexpr double kLowestBeam = -45.0 * std::numbers::pi / 180.0;  // elevation; the tripod hides what is below
 constexpr double kStationTime = 240.0;        // s for a whole turn
 constexpr double kEyeHeight = 1.85;           // metres
 constexpr uint64_t kStationPoints = 20'000'000;
 constexpr uint16_t kFirstStationId = 5001;
+constexpr uint64_t kPilotStream = 0x70696c6f74u;  // apart from the strips' numbers
 
 uint64_t pulse_seed(uint64_t seed, uint64_t part, uint64_t line, uint64_t pulse) {
     return mix_bits(seed ^ mix_bits(part ^ mix_bits(line ^ mix_bits(pulse))));
@@ -47,16 +48,16 @@ Ray station_ray(const Station& station, double azimuth, double elevation) {
 }  // namespace
 
 Survey::Survey(const VillageScene& scene, const SurveySettings& settings) : scene_(&scene), settings_(settings) {
-    SceneProbe probe(scene);
+    BeamScanner scanner(scene);
     const uint64_t from_air = settings.mode == SurveyMode::airborne ? settings.points
                               : settings.mode == SurveyMode::both   ? settings.points - settings.points * 2 / 5
                                                                     : 0;
     extent_ = std::max(kLeastExtent, std::sqrt(double(settings.points) / kDensity));
-    if (from_air > 0) plan_strips(probe, from_air);
-    if (settings.points > from_air) plan_stations(probe, settings.points - from_air);
+    if (from_air > 0) plan_strips(scanner, from_air);
+    if (settings.points > from_air) plan_stations(scanner, settings.points - from_air);
 }
 
-void Survey::plan_strips(SceneProbe& probe, uint64_t points) {
+void Survey::plan_strips(BeamScanner& scanner, uint64_t points) {
     SurveyPart part;
     part.quota = points;
     part.start_time = kFirstTime;
@@ -72,24 +73,24 @@ void Survey::plan_strips(SceneProbe& probe, uint64_t points) {
         for (int j = 0; j < kSamples; ++j)
             ground += scene_->terrain().height((i / 4.0 - 0.5) * extent_, (j / 4.0 - 0.5) * extent_) / (kSamples * kSamples);
     strips.altitude = ground + height;
-    part.beam = {.noise = settings_.noise, .divergence = 0.00025, .exit_radius = 0.02, .reference_range = height};
+    part.beam = {.noise = settings_.noise, .beam_radius = 0.05, .reference_range = height};
 
-    // Pilot beams: short lines all over the square tell how many echoes a pulse gives here.
-    constexpr uint64_t kPilotLines = 320, kPilotPulses = 48;
+    // Pilot beams, evenly spread along every strip and over its width, tell how many echoes a pulse gives here.
+    constexpr uint64_t kPilotPulses = 40'000;
+    constexpr double kGoldenTurn = 0.6180339887498949;
+    const uint64_t pulses_per_strip = std::max<uint64_t>(64, kPilotPulses / strips.strips);
     std::vector<ScanPoint> echoes;
     uint64_t echo_count = 0;
-    for (uint64_t line = 0; line < kPilotLines; ++line) {
-        const uint64_t strip = line * strips.strips / kPilotLines;
-        Random random(pulse_seed(settings_.seed, 0x70696c6f74u, line, 0));
-        const double along = std::fmod((double(line) * double(strips.strips) / kPilotLines + random.uniform() / 8.0) , 1.0) * extent_;
-        for (uint64_t i = 0; i < kPilotPulses; ++i) {
-            const double angle = kSwathHalfAngle * (2.0 * (double(i) + random.uniform()) / kPilotPulses - 1.0);
+    for (uint64_t strip = 0; strip < strips.strips; ++strip)
+        for (uint64_t i = 0; i < pulses_per_strip; ++i) {
+            const double along = (double(i) + 0.5) / double(pulses_per_strip) * extent_;
+            const double across = double(i) * kGoldenTurn - double(floor_to_int(double(i) * kGoldenTurn));
             echoes.clear();
-            fire(probe, strip_ray(strips, strip, along, angle, 0.0), part.beam, random.bits(), {}, echoes);
+            const Ray ray = strip_ray(strips, strip, along, kSwathHalfAngle * (2.0 * across - 1.0), 0.0);
+            scanner.fire(ray, part.beam, pulse_seed(settings_.seed, kPilotStream, strip, i), {}, echoes);
             echo_count += echoes.size();
         }
-    }
-    const double echoes_per_pulse = std::max(0.2, double(echo_count) / double(kPilotLines * kPilotPulses));
+    const double echoes_per_pulse = std::max(0.2, double(echo_count) / double(strips.strips * pulses_per_strip));
     const double pulses = kMargin * double(points) / echoes_per_pulse;
     const double spacing = std::sqrt(extent_ * strips.swath * double(strips.strips) / pulses);
     strips.pulses = std::max<uint64_t>(4, uint64_t(std::ceil(strips.swath / spacing)));
@@ -100,9 +101,9 @@ void Survey::plan_strips(SceneProbe& probe, uint64_t points) {
     parts_.push_back(part);
 }
 
-void Survey::plan_stations(SceneProbe& probe, uint64_t points) {
+void Survey::plan_stations(BeamScanner& scanner, uint64_t points) {
     const uint64_t count = std::max<uint64_t>(points < 200'000 ? 2 : 4, (points + kStationPoints - 1) / kStationPoints);
-    const double farthest = std::clamp(0.75 * extent_, 60.0, 300.0);
+    const double farthest = std::clamp(0.5 * extent_, 50.0, 300.0);
     // Along the roads near the crossings of villages, the nearest villages first, on the side of the road.
     std::vector<Vec3d> eyes;
     for (int64_t ring = 0; eyes.size() < count; ++ring)
@@ -115,8 +116,8 @@ void Survey::plan_stations(SceneProbe& probe, uint64_t points) {
                     Vec2d place;
                     if ((spot / 2) % 2 == 0) place = {crossing.x() + s, scene_->land().east_road_y(row, crossing.x() + s) - 3.6};
                     else place = {scene_->land().north_road_x(column, crossing.y() + s) - 3.6, crossing.y() + s};
-                    const Vec3d eye(place.x(), place.y(), probe.ground(place.x(), place.y()).height + kEyeHeight);
-                    if (probe.nearest_surface(eye).distance > 0.8 && !probe.buried(eye, 0.0)) eyes.push_back(eye);
+                    const Vec3d eye(place.x(), place.y(), scanner.probe().ground(place.x(), place.y()).height + kEyeHeight);
+                    if (scanner.probe().nearest_surface(eye).distance > 0.8 && !scanner.probe().buried(eye, 0.0)) eyes.push_back(eye);
                 }
             }
     for (uint64_t i = 0; i < count; ++i) {
@@ -125,15 +126,15 @@ void Survey::plan_stations(SceneProbe& probe, uint64_t points) {
         part.airborne = false;
         part.source_id = uint16_t(kFirstStationId + i % 60000);
         part.start_time = kFirstTime + 500'000.0 + double(i) * 900.0;
-        part.beam = {.noise = settings_.noise, .divergence = 0.0001, .exit_radius = 0.004, .farthest = farthest, .reference_range = 14.0, .range_resolution = 0.3, .most_returns = 3};
+        part.beam = {.noise = settings_.noise, .beam_radius = 0.015, .farthest = farthest, .reference_range = 14.0, .range_resolution = 0.3, .most_returns = 3};
         Station& station = part.station;
         station.eye = eyes[i];
         constexpr uint64_t kPilotPulses = 6000;
         constexpr double kHighest = 0.5 * std::numbers::pi;
-        Random random(pulse_seed(settings_.seed, 0x70696c6f74u, i, 1));
+        Random random(pulse_seed(settings_.seed, kPilotStream, i, 1));
         std::vector<ScanPoint> echoes;
         for (uint64_t pulse = 0; pulse < kPilotPulses; ++pulse)
-            fire(probe, station_ray(station, 2.0 * std::numbers::pi * double(pulse) / kPilotPulses, random.uniform(kLowestBeam, kHighest)), part.beam, random.bits(), {}, echoes);
+            scanner.fire(station_ray(station, 2.0 * std::numbers::pi * double(pulse) / kPilotPulses, random.uniform(kLowestBeam, kHighest)), part.beam, random.bits(), {}, echoes);
         const double pulses = kMargin * double(part.quota) * double(kPilotPulses) / double(std::max<size_t>(echoes.size(), kPilotPulses / 8));
         const double step = std::sqrt(2.0 * std::numbers::pi * (kHighest - kLowestBeam) / pulses);
         station.rows = std::max<uint64_t>(4, uint64_t(std::ceil((kHighest - kLowestBeam) / step)));
@@ -144,13 +145,13 @@ void Survey::plan_stations(SceneProbe& probe, uint64_t points) {
     }
 }
 
-void Survey::scan_block(SceneProbe& probe, size_t part, uint64_t block, std::vector<ScanPoint>& out) const {
+void Survey::scan_block(BeamScanner& scanner, size_t part, uint64_t block, std::vector<ScanPoint>& out) const {
     out.clear();
-    if (parts_[part].airborne) scan_strip_block(probe, parts_[part], block, out);
-    else scan_station_block(probe, parts_[part], block, out);
+    if (parts_[part].airborne) scan_strip_block(scanner, parts_[part], block, out);
+    else scan_station_block(scanner, parts_[part], block, out);
 }
 
-void Survey::scan_strip_block(SceneProbe& probe, const SurveyPart& part, uint64_t block, std::vector<ScanPoint>& out) const {
+void Survey::scan_strip_block(BeamScanner& scanner, const SurveyPart& part, uint64_t block, std::vector<ScanPoint>& out) const {
     const AirborneStrips& strips = part.strips;
     const uint64_t blocks_per_strip = (strips.lines + strips.lines_per_block - 1) / strips.lines_per_block;
     const uint64_t strip = block / blocks_per_strip;
@@ -173,12 +174,12 @@ void Survey::scan_strip_block(SceneProbe& probe, const SurveyPart& part, uint64_
             fields.gps_time = start + double(line * strips.pulses + i) * pulse_time;
             fields.line_edge = i + 1 == strips.pulses;
             fields.scan_angle = scan_angle_units(-angle);  // LAS counts angles to the left as negative
-            fire(probe, strip_ray(strips, strip, (double(line) + phase) * advance, angle, pitch), part.beam, seed, fields, out);
+            scanner.fire(strip_ray(strips, strip, (double(line) + phase) * advance, angle, pitch), part.beam, seed, fields, out);
         }
     }
 }
 
-void Survey::scan_station_block(SceneProbe& probe, const SurveyPart& part, uint64_t block, std::vector<ScanPoint>& out) const {
+void Survey::scan_station_block(BeamScanner& scanner, const SurveyPart& part, uint64_t block, std::vector<ScanPoint>& out) const {
     const Station& station = part.station;
     const double row_step = (0.5 * std::numbers::pi - kLowestBeam) / double(station.rows);
     const double column_step = 2.0 * std::numbers::pi / double(station.columns);
@@ -195,7 +196,7 @@ void Survey::scan_station_block(SceneProbe& probe, const SurveyPart& part, uint6
             fields.gps_time = part.start_time + double(column * station.rows + row) * pulse_time;
             fields.line_edge = row + 1 == station.rows;
             fields.scan_angle = scan_angle_units(elevation);
-            fire(probe, station_ray(station, azimuth, elevation), part.beam, seed, fields, out);
+            scanner.fire(station_ray(station, azimuth, elevation), part.beam, seed, fields, out);
         }
 }
 

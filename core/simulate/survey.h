@@ -51,7 +51,7 @@ struct SurveyPart {
 };
 
 /// Plans a survey with exactly `points` points: about 25 to the square metre from the air (less on the smallest scenes, which
-/// are never below 150 m wide), so the scene grows with the count.
+/// are never below 110 m wide), so the scene grows with the count.
 class Survey {
 public:
     /// Casts some thousand pilot beams to learn how many echoes a pulse gives.
@@ -59,13 +59,13 @@ public:
 
     const std::vector<SurveyPart>& parts() const { return parts_; }
     /// Scans a block of a part: a pure function of the survey and the two numbers. `out` is replaced.
-    void scan_block(SceneProbe& probe, size_t part, uint64_t block, std::vector<ScanPoint>& out) const;
+    void scan_block(BeamScanner& scanner, size_t part, uint64_t block, std::vector<ScanPoint>& out) const;
 
 private:
-    void plan_strips(SceneProbe& probe, uint64_t points);
-    void plan_stations(SceneProbe& probe, uint64_t points);
-    void scan_strip_block(SceneProbe& probe, const SurveyPart& part, uint64_t block, std::vector<ScanPoint>& out) const;
-    void scan_station_block(SceneProbe& probe, const SurveyPart& part, uint64_t block, std::vector<ScanPoint>& out) const;
+    void plan_strips(BeamScanner& scanner, uint64_t points);
+    void plan_stations(BeamScanner& scanner, uint64_t points);
+    void scan_strip_block(BeamScanner& scanner, const SurveyPart& part, uint64_t block, std::vector<ScanPoint>& out) const;
+    void scan_station_block(BeamScanner& scanner, const SurveyPart& part, uint64_t block, std::vector<ScanPoint>& out) const;
 
     const VillageScene* scene_;
     SurveySettings settings_;

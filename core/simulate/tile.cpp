@@ -42,7 +42,7 @@ Box3d bounds_of(const Wire& wire, double from, double to) {
 }  // namespace
 
 Vec2i SceneTile::cell_of(double x, double y) const {
-    const auto clamped = [](double index) { return std::clamp(int(std::floor(index)), 0, kCells - 1); };
+    const auto clamped = [](double index) { return std::clamp(int(floor_to_int(index)), 0, kCells - 1); };
     return {clamped((x - low.x()) / kCellSize), clamped((y - low.y()) / kCellSize)};
 }
 
@@ -70,7 +70,7 @@ void index_tile(SceneTile& tile, const Terrain& terrain) {
     };
     std::vector<Entry> entries;
     const auto insert = [&](const Box3d& box, SceneTile::ItemKind kind, size_t index) {
-        const auto cell_at = [&](double p, double origin) { return int(std::floor((p - origin) / size)); };
+        const auto cell_at = [&](double p, double origin) { return int(floor_to_int((p - origin) / size)); };
         const int x0 = std::max(0, cell_at(box.min.x(), tile.low.x())), x1 = std::min(n - 1, cell_at(box.max.x(), tile.low.x()));
         const int y0 = std::max(0, cell_at(box.min.y(), tile.low.y())), y1 = std::min(n - 1, cell_at(box.max.y(), tile.low.y()));
         for (int y = y0; y <= y1; ++y)

@@ -157,7 +157,7 @@ private:
         }
         const bool gable_to_road = random_.uniform() < 0.35;
         const double setback = random_.uniform(5.8, 8.5) + (gable_to_road ? 5.4 : 4.2);
-        return place_house(place + side * setback * left_of(tangent), tangent, gable_to_road, 0.6, 9.4);
+        return place_house(place + side * setback * left_of(tangent), tangent, gable_to_road, random_.uniform(0.8, 2.6), 9.4);
     }
 
     bool place_house(const Vec2d& center, const Vec2d& tangent, bool turned, double gap, double road_margin) {
@@ -194,7 +194,7 @@ private:
 
     void place_gardens() {
         const double radius = land_.village_radius(column_, row_) + 12.0;
-        for (int i = 0; i < 420; ++i) {
+        for (int i = 0; i < 1300; ++i) {
             const Vec2d p = crossing_ + radius * std::sqrt(random_.uniform()) * direction(random_.uniform());
             const double pick = random_.uniform();
             const double crown = pick < 0.3 ? random_.uniform(0.5, 1.0) : random_.uniform(1.4, 3.1);
@@ -239,8 +239,8 @@ private:
             add_arm(build_box(p, across[size_t(i)], 2.0 * kReach + 0.2, 0.12, tips[size_t(i)].z() - 0.6, tips[size_t(i)].z() - 0.46, Part::pole));
         }
         for (size_t i = 0; i + 1 < tips.size(); ++i)
-            for (const double offset : {-kReach, 0.0, kReach}) {
-                const Vec3d lift(0.0, 0.0, offset == 0.0 ? 0.18 : -0.36);
+            for (const double offset : {-kReach, kReach}) {
+                const Vec3d lift(0.0, 0.0, -0.36);
                 const Vec3d shift_a(offset * across[i].x(), offset * across[i].y(), 0.0), shift_b(offset * across[i + 1].x(), offset * across[i + 1].y(), 0.0);
                 tile_.wires.push_back({.begin = tips[i] + shift_a + lift, .end = tips[i + 1] + shift_b + lift, .sag = 0.75, .radius = 0.012});
             }
@@ -249,7 +249,7 @@ private:
     void place_avenue() {
         // Trees along the northward road, outside the villages.
         constexpr double kStep = 16.0;
-        const int64_t first = int64_t(std::floor(tile_.low.y() / kStep)) - 1;
+        const int64_t first = floor_to_int(tile_.low.y() / kStep) - 1;
         for (int64_t k = first; k < first + int64_t(kTileSize / kStep) + 3; ++k)
             for (const double side : {-1.0, 1.0}) {
                 const double y = double(k) * kStep + 2.0 * side;
@@ -262,7 +262,7 @@ private:
 
     void place_woods() {
         constexpr double kStep = 5.6;
-        const auto index = [&](double coordinate) { return int64_t(std::floor(coordinate / kStep)); };
+        const auto index = [&](double coordinate) { return floor_to_int(coordinate / kStep); };
         for (int64_t j = index(tile_.low.y()) - 1; j <= index(tile_.low.y() + kTileSize) + 1; ++j)
             for (int64_t i = index(tile_.low.x()) - 1; i <= index(tile_.low.x() + kTileSize) + 1; ++i) {
                 const Vec2d p = kStep * Vec2d(double(i) + 0.15 + 0.7 * lattice_value(i, j, 1, land_.seed()), double(j) + 0.15 + 0.7 * lattice_value(i, j, 2, land_.seed()));
@@ -272,7 +272,7 @@ private:
 
     void place_hedges() {
         constexpr double kStep = 2.2;
-        const auto index = [&](double coordinate) { return int64_t(std::floor(coordinate / kStep)); };
+        const auto index = [&](double coordinate) { return floor_to_int(coordinate / kStep); };
         for (int64_t j = index(tile_.low.y()) - 1; j <= index(tile_.low.y() + kTileSize) + 1; ++j)
             for (int64_t i = index(tile_.low.x()) - 1; i <= index(tile_.low.x() + kTileSize) + 1; ++i) {
                 const Vec2d p = kStep * Vec2d(double(i) + 0.3 * lattice_value(i, j, 3, land_.seed()), double(j) + 0.3 * lattice_value(i, j, 4, land_.seed()));

@@ -24,8 +24,7 @@ const VariableRecord* find_record(const Header& header, uint16_t record_id) {
 }
 
 std::string text_of(std::span<const std::byte> bytes) {
-    const char* const begin = reinterpret_cast<const char*>(bytes.data());
-    std::string text(begin, strnlen(begin, bytes.size()));
+    std::string text = text_before_nul(bytes);
     while (!text.empty() && (text.back() == '|' || text.back() == ' ' || text.back() == '\n' || text.back() == '\r')) text.pop_back();
     return text;
 }

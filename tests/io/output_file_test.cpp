@@ -89,7 +89,7 @@ TEST(OutputFile, ReplacesOnlyWhenTold) {
     std::ofstream(path) << "earlier";
     ::chmod(path.c_str(), 0640);
     const Error refused = error_of([&] { OutputFile(path, false); });
-    EXPECT_EQ(refused.kind, ErrorKind::usage);
+    EXPECT_EQ(refused.kind, ErrorKind::io);
     EXPECT_NE(std::string(refused.what()).find("--overwrite"), std::string::npos);
     EXPECT_EQ(content(path), "earlier");
 
@@ -110,7 +110,7 @@ TEST(OutputFile, OfTwoWritersOneSaysSo) {
     EXPECT_EQ(error_of([&] { OutputFile(path, false); }).kind, ErrorKind::io);  // this process is at it already
     first.write(bytes_of("first"));
     std::ofstream(path) << "second";  // another program was faster
-    EXPECT_EQ(error_of([&] { first.commit(); }).kind, ErrorKind::usage);
+    EXPECT_EQ(error_of([&] { first.commit(); }).kind, ErrorKind::io);
     EXPECT_EQ(content(path), "second");
 }
 
@@ -119,7 +119,7 @@ TEST(OutputFile, SymbolicLinksStandForTheirFile) {
     fs::create_directory(folder.file("elsewhere"));
     std::ofstream(folder.file("elsewhere/real")) << "earlier";
     fs::create_symlink("elsewhere/real", folder.file("link"));
-    EXPECT_EQ(error_of([&] { OutputFile(folder.file("link"), false); }).kind, ErrorKind::usage);
+    EXPECT_EQ(error_of([&] { OutputFile(folder.file("link"), false); }).kind, ErrorKind::io);
     OutputFile file(folder.file("link"), true);
     file.write(bytes_of("later"));
     file.commit();
@@ -133,10 +133,10 @@ TEST(OutputFile, RefusesWhatIsNoFile) {
     fs::create_directory(folder.file("folder"));
     for (const char* name : {"pipe", "folder"}) {
         const Error error = error_of([&] { OutputFile(folder.file(name), true); });
-        EXPECT_EQ(error.kind, ErrorKind::usage) << error.what();
+        EXPECT_EQ(error.kind, ErrorKind::io) << error.what();
     }
-    EXPECT_EQ(error_of([] { OutputFile("/dev/full", true); }).kind, ErrorKind::usage);
-    EXPECT_EQ(error_of([] { OutputFile("", true); }).kind, ErrorKind::usage);
+    EXPECT_EQ(error_of([] { OutputFile("/dev/full", true); }).kind, ErrorKind::io);
+    EXPECT_EQ(error_of([] { OutputFile("", true); }).kind, ErrorKind::io);
     EXPECT_EQ(error_of([&] { OutputFile(folder.file("no/such/folder"), true); }).kind, ErrorKind::not_found);
     EXPECT_EQ(error_of([&] { OutputFile(folder.file("pipe") + "/x", true); }).kind, ErrorKind::io);
 }
@@ -232,7 +232,7 @@ TEST(TemporaryPath, FoldersGoWithAllTheyHold) {
                   const TemporaryPath second(folder.file("set"), TemporaryPath::Kind::folder);
                   rename_output(second.path(), folder.file("set"), false);
               }).kind,
-              ErrorKind::usage);
+              ErrorKind::io);
     EXPECT_TRUE(fs::exists(folder.file("set")));
 }
 

@@ -1,0 +1,14 @@
+#!/bin/sh
+# The interop test: a simulated scan, converted by strata in both encodings, is opened by viewers that others wrote.
+#   run.sh STRATA    the program. Exit 77: skipped, saying why
+strata=$1
+here=$(dirname "$0")
+command -v node >/dev/null || { echo "skipped: no node"; exit 77; }
+
+work=$(mktemp -d) || exit 1
+trap 'rm -rf "$work"' EXIT INT TERM
+set -e
+"$strata" sample "$work/scan.las" --points 200000 --seed 7 --quiet
+"$strata" convert "$work/scan.las" "$work/plain" --format potree --encoding default --quiet
+"$strata" convert "$work/scan.las" "$work/brotli" --format potree --encoding brotli --quiet
+node "$here/check_potree.mjs" "$work/plain" "$work/brotli"
