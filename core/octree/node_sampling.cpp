@@ -119,7 +119,8 @@ size_t NodeSampler::refuse_run(size_t begin, const Kept& kept) {
             close += dx * dx + dy * dy + dz * dz < limit;
         }
         if (close < int(kBlock)) break;
-        for (size_t i = begin; i < begin + kBlock; ++i) states_[i] = State::refused;  // none was kept: it would be close
+        for (size_t i = begin; i < begin + kBlock; ++i)  // the kept point itself may be one of them
+            states_[i] = states_[i] == State::kept ? State::kept : State::refused;
     }
     return begin;
 }
