@@ -25,7 +25,7 @@ constexpr double kLowestBeam = -45.0 * std::numbers::pi / 180.0;  // elevation; 
 constexpr double kStationTime = 240.0;        // s for a whole turn
 constexpr double kEyeHeight = 1.85;           // metres
 constexpr uint64_t kStationPoints = 20'000'000;  // at most
-constexpr uint64_t kLeastStationPoints = 6000;
+constexpr uint64_t kLeastStationPoints = 3000;
 constexpr uint64_t kVillageStations = 16;
 constexpr uint16_t kFirstStationId = 5001;
 constexpr uint64_t kPilotStream = 0x70696c6f74u;  // apart from the strips' numbers
@@ -51,6 +51,15 @@ Ray strip_ray(const AirborneStrips& strips, uint64_t strip, double along, double
 Ray station_ray(const Station& station, double azimuth, double elevation) {
     const SinCos around = sin_cos_turns(azimuth / kTurn), up = sin_cos_turns(elevation / kTurn);
     return {station.eye, Vec3d(up.cos * around.sin, up.cos * around.cos, up.sin)};
+}
+
+// The same beam, which ends at the border of the scene: stray echoes beyond would only lie about in the void.
+BeamModel within_scene(BeamModel beam, const Ray& ray, double extent) {
+    for (const int axis : {0, 1}) {
+        const double border = ray.direction[axis] > 0.0 ? 0.5 * extent : -0.5 * extent;
+        if (ray.direction[axis] != 0.0) beam.farthest = std::min(beam.farthest, (border - ray.origin[axis]) / ray.direction[axis]);
+    }
+    return beam;
 }
 
 }  // namespace
@@ -147,8 +156,10 @@ void Survey::plan_stations(BeamScanner& scanner, uint64_t points) {
         constexpr double kHighest = 0.5 * std::numbers::pi;
         Random random(line_seed(settings_.seed, kPilotStream, ~i));
         std::vector<ScanPoint> echoes;
-        for (uint64_t pulse = 0; pulse < kPilotPulses; ++pulse)
-            scanner.fire(station_ray(station, 2.0 * std::numbers::pi * double(pulse) / kPilotPulses, random.uniform(kLowestBeam, kHighest)), part.beam, random.bits(), {}, echoes);
+        for (uint64_t pulse = 0; pulse < kPilotPulses; ++pulse) {
+            const Ray ray = station_ray(station, kTurn * double(pulse) / kPilotPulses, random.uniform(kLowestBeam, kHighest));
+            scanner.fire(ray, within_scene(part.beam, ray, extent_), random.bits(), {}, echoes);
+        }
         const double pulses = kMargin * double(part.quota) * double(kPilotPulses) / double(std::max<size_t>(echoes.size(), kPilotPulses / 8));
         const double step = std::sqrt(2.0 * std::numbers::pi * (kHighest - kLowestBeam) / pulses);
         station.rows = std::max<uint64_t>(4, uint64_t(std::ceil((kHighest - kLowestBeam) / step)));
@@ -213,7 +224,8 @@ void Survey::scan_station_block(BeamScanner& scanner, const SurveyPart& part, ui
             fields.gps_time = part.start_time + double(column * station.rows + row) * pulse_time;
             fields.line_edge = row + 1 == station.rows;
             fields.scan_angle = scan_angle_units(elevation);
-            scanner.fire(station_ray(station, azimuth, elevation), part.beam, seed, fields, out);
+            const Ray ray = station_ray(station, azimuth, elevation);
+            scanner.fire(ray, within_scene(part.beam, ray, extent_), seed, fields, out);
         }
     }
 }
