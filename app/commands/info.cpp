@@ -7,6 +7,7 @@
 
 #include "app/commands/commands.h"
 #include "app/commands/info_text.h"
+#include "app/quantity_text.h"
 #include "core/cloud/cloud_statistics.h"
 #include "core/error.h"
 #include "core/octree/layered_points.h"
@@ -37,7 +38,7 @@ ordered_json box_json(const Box3d& box) {
 // What every format says of itself.
 ordered_json cloud_json(const std::string& path, const Format& format, const CloudInfo& info) {
     ordered_json report = {{"path", path}, {"format", format.name}, {"detail", info.format}, {"points", info.points},
-                           {"bounds", box_json(info.bounds)}, {"scale", vector_json(info.quantization.scale)},
+                           {"bounds", box_json(info.points > 0 ? info.bounds : Box3d{})}, {"scale", vector_json(info.quantization.scale)},
                            {"offset", vector_json(info.quantization.offset)}, {"crs", nullptr}};
     if (!info.crs.empty()) report["crs"] = info.crs;
     report["attributes"] = ordered_json::array();
@@ -154,6 +155,8 @@ void print(const std::string& text) {
 int run(const Options& options) {
     const std::string& path = options.positional.front();
     const Format& format = identify_format(path);
+    if (options.given("--quality") && format.kind == FormatKind::points)
+        throw Error(ErrorKind::usage, "--quality: a level-of-detail data set is expected, " + path + " is " + std::string(format.name));
     const ordered_json report = format.kind == FormatKind::layered ? layered_report(path, format, options) : points_report(path, format, options);
     // Names and texts from a file may be of any encoding; JSON is UTF-8.
     const std::string text = report.dump(2, ' ', false, ordered_json::error_handler_t::replace);

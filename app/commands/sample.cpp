@@ -5,6 +5,7 @@
 
 #include "app/commands/commands.h"
 #include "app/progress.h"
+#include "app/quantity_text.h"
 #include "core/error.h"
 #include "core/simulate/scan_cloud.h"
 #include "core/simulate/scan_stream.h"
@@ -72,7 +73,7 @@ int run(const Options& options) {
                                                {"scene", "village"}, {"mode", options.text("--mode")}, {"noise", settings.noise}, {"seed", settings.seed}};
         std::printf("%s\n", report.dump().c_str());
     } else if (!quiet) {
-        std::fprintf(stderr, "%s: %llu points, %.1f MB, %.1f s\n", path.c_str(), static_cast<unsigned long long>(writer.points()), double(bytes) * 1e-6, seconds);
+        std::fprintf(stderr, "%s: %s points, %s, %.1f s\n", path.c_str(), with_commas(writer.points()).c_str(), size_text(bytes).c_str(), seconds);
     }
     return 0;
 }
