@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 constexpr OptionRow kRows[] = {
     {"--format", "-f", "FORMAT", "potree", "format of OUT"},
     {"--encoding", "-e", "default|brotli", "default", "potree: plain records, or smaller and slower"},
-    {"--quality", "", "0...11", "3", "effort of the brotli encoding; the user guide has its size and time"},
+    {"--quality", "", "0...11", "2", "effort of the brotli encoding; the user guide has its size and time"},
     {"--no-sync", "", "", "", "do not wait until the output is on the disk; a power cut may lose it"},
     shared_option::kMemory,
     shared_option::kThreads,

@@ -8,6 +8,7 @@
 
 #include "app/commands/camera_file.h"
 #include "core/error.h"
+#include "render/colormap.h"
 #include "render/named_view.h"
 
 namespace strata {
@@ -196,6 +197,7 @@ void check_render_options(const Options& options) {
     parse_edl(options.text("--edl"));
     parse_splat(options);
     parse_fov(options);
+    if (options.given("--colormap")) Colormap(options.text("--colormap"));  // refuses names that it does not know
     if (options.given("--range")) options.numbers("--range", 2);
     if (options.given("--meters-per-pixel")) parse_units_per_pixel(options);
     if (!(options.number("--error") > 0.0)) refuse("--error", "a positive number of pixels", options.text("--error"));

@@ -7,9 +7,25 @@
 #include "core/math/random.h"
 
 namespace strata {
+namespace {
+
+// A bijection of the numbers of `bits` bits that looks random: multiplying by odd numbers and folding high bits into
+// low ones are both invertible there.
+uint32_t shuffled(uint32_t i, uint32_t bits) {
+    const uint32_t mask = (1u << bits) - 1;
+    i = (i * 0x9e3779b1u) & mask;
+    i ^= i >> (bits + 1) / 2;
+    i = (i * 0x85ebca6bu) & mask;
+    i ^= i >> (bits + 1) / 2;
+    return (i * 0xc2b2ae35u) & mask;
+}
+
+}  // namespace
 
 NodeSampler::NodeSampler(const OctreeFrame& frame)
-    : frame_(frame), occupied_(size_t(kCells) * kCells * kRowBytes, 0), first_in_cell_(size_t(kCells) * kCells * kCells) {}
+    : frame_(frame),
+      occupied_(size_t(kCells) * kCells * kRowBytes, 0),
+      first_in_cell_(size_t(kCells) * kCells * kCells) {}
 
 void NodeSampler::start(const NodeKey& node) {
     for (const Kept& kept : kept_) {
@@ -39,7 +55,8 @@ void NodeSampler::insert(const Vec3f& p, float distance_squared) {
 void NodeSampler::add_seed(const Vec3i& p_quanta, uint32_t kept_level) {
     const Vec3f p = in_spacings(p_quanta);
     const float distance = kept_level <= level_ ? 1.0f : std::ldexp(1.0f, int(level_) - int(kept_level));
-    if ((p.array() > -distance).all() && (p.array() < float(kSpacingsPerSide) + distance).all()) insert(p, distance * distance);
+    if ((p.array() > -distance).all() && (p.array() < float(kSpacingsPerSide) + distance).all())
+        insert(p, distance * distance);
 }
 
 bool NodeSampler::near_faces(const Vec3i& p_quanta) const {
@@ -47,65 +64,112 @@ bool NodeSampler::near_faces(const Vec3i& p_quanta) const {
     return (p.array() < 1.0f).any() || (p.array() > float(kSpacingsPerSide) - 1.0f).any();
 }
 
-bool NodeSampler::any_within_spacing(const Vec3f& p, size_t cell) const {
+uint32_t NodeSampler::find_close_in(const Vec3f& p, size_t cell) const {
     for (uint32_t at = first_in_cell_[cell]; at != kNone; at = kept_[at].next)
-        if ((kept_[at].p - p).squaredNorm() < kept_[at].distance_squared) return true;
-    return false;
+        if (is_close(p, kept_[at])) return at;
+    return kNone;
 }
 
-bool NodeSampler::has_close_neighbour(const Vec3f& p) const {
-    // The occupancy of the 27 cells around as one mask, gathered without branches: what is left to guess for the
-    // processor is how many cells are occupied and which decides.
+uint32_t NodeSampler::find_close(const Vec3f& p) const {
     const Cell cell(p);
     const uint8_t* bytes = occupied_.data() + cell.row() * kRowBytes + size_t(cell.x - 1) / 8;
     const int shift = (cell.x - 1) % 8;
-    uint32_t mask = 0;
-    for (int row = 0; row < 9; ++row) {
+    const auto row_bits = [&](int dy, int dz) {
         uint16_t bits;
-        std::memcpy(&bits, bytes + (ptrdiff_t(row / 3 - 1) * kCells + (row % 3 - 1)) * ptrdiff_t(kRowBytes), sizeof bits);
-        mask |= uint32_t(bits >> shift & 7) << 3 * row;
-    }
-    constexpr uint32_t kOwnCell = 1u << 13;
+        std::memcpy(&bits, bytes + (ptrdiff_t(dz) * kCells + dy) * ptrdiff_t(kRowBytes), sizeof bits);
+        return uint32_t(bits >> shift & 7);
+    };
     const size_t own = cell.index();
-    if (mask & kOwnCell && any_within_spacing(p, own)) return true;
-    for (mask &= ~kOwnCell; mask != 0; mask &= mask - 1) {
+    const uint32_t own_row = row_bits(0, 0);
+    if (own_row & 2)
+        if (const uint32_t found = find_close_in(p, own); found != kNone) return found;
+    // The occupancy of the cells around as one mask, gathered without branches: what is left to guess for the processor
+    // is how many cells are occupied and which decides.
+    uint32_t mask = (own_row & 5) << 12;
+    for (int row = 0; row < 9; ++row)
+        if (row != 4) mask |= row_bits(row % 3 - 1, row / 3 - 1) << 3 * row;
+    for (; mask != 0; mask &= mask - 1) {
         const int bit = std::countr_zero(mask);
         const ptrdiff_t row = ptrdiff_t(bit / 9 - 1) * kCells + (bit / 3 % 3 - 1);
-        if (any_within_spacing(p, own + size_t(row * kCells + bit % 3 - 1))) return true;
+        if (const uint32_t found = find_close_in(p, own + size_t(row * kCells + bit % 3 - 1)); found != kNone)
+            return found;
     }
-    return false;
+    return kNone;
 }
 
-void NodeSampler::sample(std::span<const Vec3i> positions, std::vector<uint32_t>& kept) {
-    kept.clear();
-    candidates_.resize(positions.size());
-    is_kept_.assign(positions.size(), false);
-    for (size_t i = 0; i < positions.size(); ++i) candidates_[i] = in_spacings(positions[i]);
-    const auto visit = [&](uint32_t i) {
-        if (is_kept_[i] || has_close_neighbour(candidates_[i])) return;
-        insert(candidates_[i], 1.0f);
-        is_kept_[i] = true;
-    };
-    // A random permutation without a table: a bijection of the numbers below the next power of two, those beyond n
-    // left out. Multiplying by odd numbers and shifting right are both invertible there.
-    const uint32_t bits = uint32_t(std::bit_width(std::max<size_t>(positions.size(), 2) - 1));
-    const uint32_t mask = uint32_t((uint64_t{1} << bits) - 1);
-    const uint32_t half = (bits + 1) / 2;
-    // So many random darts fill a surface; the rest, in the order of memory, finds the gaps that are left.
-    constexpr uint64_t kRandomDarts = 1 << 16;
-    for (uint64_t turn = 0; turn <= mask && turn < kRandomDarts; ++turn) {
-        uint32_t i = uint32_t(turn);
-        i = (i * 0x9e3779b1u) & mask;
-        i ^= i >> half;
-        i = (i * 0x85ebca6bu) & mask;
-        i ^= i >> half;
-        i = (i * 0xc2b2ae35u) & mask;
-        if (i < positions.size()) visit(i);
+// The nearest whole quantum to the node's corner is subtracted as an integer, so that floats hold the rest.
+void NodeSampler::convert(int axis, std::span<const int32_t> quanta) {
+    const double spacings_per_quantum = spacings_per_quantum_[axis];
+    const int32_t base = int32_t(std::floor(corner_[axis] / spacings_per_quantum));
+    const float factor = float(spacings_per_quantum), rest = float(base * spacings_per_quantum - corner_[axis]);
+    std::vector<float>& out = candidates_[size_t(axis)];
+    out.resize(quanta.size());
+    for (size_t i = 0; i < quanta.size(); ++i) out[i] = std::max(float(quanta[i] - base) * factor + rest, 0.0f);
+}
+
+// Refuses whole blocks of candidates from `begin` on that are all close to one kept point. Returns where it stopped.
+size_t NodeSampler::refuse_run(size_t begin, const Kept& kept) {
+    constexpr size_t kBlock = 16;
+    const float *x = candidates_[0].data(), *y = candidates_[1].data(), *z = candidates_[2].data();
+    const float kx = kept.p.x(), ky = kept.p.y(), kz = kept.p.z(), limit = kept.distance_squared;
+    for (; begin + kBlock <= states_.size(); begin += kBlock) {
+        int close = 0;  // counted rather than left early: this becomes a few vector instructions
+        for (size_t i = begin; i < begin + kBlock; ++i) {
+            const float dx = x[i] - kx, dy = y[i] - ky, dz = z[i] - kz;
+            close += dx * dx + dy * dy + dz * dz < limit;
+        }
+        if (close < int(kBlock)) break;
+        for (size_t i = begin; i < begin + kBlock; ++i)  // the kept point itself may be one of them
+            states_[i] = states_[i] == State::kept ? State::kept : State::refused;
     }
-    if (mask >= kRandomDarts)
-        for (uint32_t i = 0; i < positions.size(); ++i) visit(i);
-    for (uint32_t i = 0; i < positions.size(); ++i)
-        if (is_kept_[i]) kept.push_back(i);
+    return begin;
+}
+
+void NodeSampler::sample(std::span<const int32_t> x, std::span<const int32_t> y, std::span<const int32_t> z,
+                         std::vector<uint32_t>& kept) {
+    kept.clear();
+    const size_t n = x.size();
+    convert(0, x);
+    convert(1, y);
+    convert(2, z);
+    states_.assign(n, State::open);
+    uint32_t last_close = kNone;  // what was too close to the last one is often too close to its neighbour
+    int run = 0;                  // how often in a row it was
+    const auto visit = [&](size_t i) {
+        if (states_[i] != State::open) return;
+        const Vec3f p(candidates_[0][i], candidates_[1][i], candidates_[2][i]);
+        states_[i] = State::refused;
+        if (last_close != kNone && is_close(p, kept_[last_close])) return void(++run);
+        run = 0;
+        const uint32_t found = find_close(p);
+        if (found == kNone) {
+            insert(p, 1.0f);
+            states_[i] = State::kept;
+        } else {
+            last_close = found;
+        }
+    };
+    // The order of darts matters only among neighbours, and positions come in an order that keeps neighbours together:
+    // so they are shuffled in windows that stay in cache with their part of the grid. Where a node has far more points
+    // than room, a regular share of them is thrown first, so that windows are much wider than the spacing.
+    constexpr uint32_t kWindowBits = 12, kWindow = 1 << kWindowBits, kFirstDarts = 1 << 15;
+    const size_t stride = (n + kFirstDarts - 1) / kFirstDarts;
+    for (size_t begin = 0; begin < n; begin += kWindow * stride) {
+        const uint32_t salt = uint32_t(mix_bits(begin)) & (kWindow - 1);
+        for (uint32_t turn = 0; turn < kWindow; ++turn) {
+            const size_t i = begin + shuffled(turn ^ salt, kWindowBits) * stride;
+            if (i < n) visit(i);
+        }
+    }
+    if (stride > 1)
+        for (size_t i = 0; i < n; ++i) {
+            visit(i);
+            if (run < 4) continue;
+            i = refuse_run(i + 1, kept_[last_close]) - 1;
+            run = 0;
+        }
+    for (uint32_t i = 0; i < n; ++i)
+        if (states_[i] == State::kept) kept.push_back(i);
 }
 
 }  // namespace strata

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -25,15 +26,17 @@ public:
     /// kept_level  of the node that keeps it: to points of deeper levels it is enough to keep their smaller spacing
     void add_seed(const Vec3i& p_quanta, uint32_t kept_level);
 
-    /// positions  stored quanta, in an order that depends on the points alone; all inside the node
-    /// kept       receives ascending indices
-    /// cost       O(n) expected
-    void sample(std::span<const Vec3i> positions, std::vector<uint32_t>& kept);
+    /// x, y, z  [n] stored quanta, in an order that depends on the points alone and keeps neighbours together; all
+    ///          inside the node
+    /// kept     receives ascending indices
+    /// cost     O(n) expected
+    void sample(std::span<const int32_t> x, std::span<const int32_t> y, std::span<const int32_t> z, std::vector<uint32_t>& kept);
 
     /// Whether the point, inside the node's cube, is so near to its faces that a neighbour must know of it.
     bool near_faces(const Vec3i& p_quanta) const;
 
 private:
+    enum class State : uint8_t { open, kept, refused };
     static constexpr uint32_t kNone = ~uint32_t{0};
     struct Kept {
         Vec3f p;         // in spacings from the node's lowest corner
@@ -54,8 +57,11 @@ private:
     };
 
     Vec3f in_spacings(const Vec3i& p_quanta) const;
-    bool any_within_spacing(const Vec3f& p, size_t cell) const;
-    bool has_close_neighbour(const Vec3f& p) const;
+    static bool is_close(const Vec3f& p, const Kept& kept) { return (kept.p - p).squaredNorm() < kept.distance_squared; }
+    void convert(int axis, std::span<const int32_t> quanta);
+    size_t refuse_run(size_t begin, const Kept& kept);
+    uint32_t find_close_in(const Vec3f& p, size_t cell) const;  // index into kept_, or kNone
+    uint32_t find_close(const Vec3f& p) const;
     void insert(const Vec3f& p, float distance_squared);
 
     OctreeFrame frame_;
@@ -65,8 +71,8 @@ private:
     std::vector<uint8_t> occupied_;        // [kCells^2][kRowBytes] a bit a cell: small enough to stay in cache
     std::vector<uint32_t> first_in_cell_;  // [kCells^3] index into kept_; read only where the bit is set
     std::vector<Kept> kept_;
-    std::vector<Vec3f> candidates_;
-    std::vector<bool> is_kept_;            // [candidates_]
+    std::array<std::vector<float>, 3> candidates_;  // [axis][n] in spacings
+    std::vector<State> states_;                     // [n]
 };
 
 }  // namespace strata

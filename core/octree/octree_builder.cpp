@@ -91,7 +91,7 @@ public:
                     store_.discard(chunk);
                     drop_attributes(layout_, attribute_kept, builder.records());
                     if (!wait_for_neighbours(chunk)) return;
-                    finish(chunk, builder.build(partition_.chunks()[chunk].key, seeds_for(chunk)));
+                    finish(chunk, builder.build(partition_.chunks()[chunk].key, seeds_for(chunk), take_buffer()));
                     progress_.add(partition_.chunks()[chunk].points);
                 }
             } catch (...) {
@@ -137,6 +137,15 @@ private:
         return seeds;
     }
 
+    // Fresh memory costs a page fault every 4 KiB: buffers go round.
+    std::vector<std::byte> take_buffer() {
+        const std::lock_guard lock(mutex_);
+        if (spare_buffers_.empty()) return {};
+        std::vector<std::byte> buffer = std::move(spare_buffers_.back());
+        spare_buffers_.pop_back();
+        return buffer;
+    }
+
     void finish(uint32_t chunk, Subtree subtree) {
         std::unique_lock lock(mutex_);
         borders_[chunk] = std::move(subtree.border);
@@ -149,7 +158,9 @@ private:
             lock.unlock();
             output_.append(next.nodes, next.bytes);
             promoted_.add(next.root, next.root_records);
+            next.bytes.clear();
             lock.lock();
+            spare_buffers_.push_back(std::move(next.bytes));
             storing_ = false;
             ++next_stored_;
             changed_.notify_all();
@@ -170,6 +181,7 @@ private:
     std::vector<std::vector<BorderPoint>> borders_;  // [chunk]; written before done_, read after
     std::vector<Subtree> finished_;     // [chunk]
     std::vector<bool> done_;            // [chunk]
+    std::vector<std::vector<std::byte>> spare_buffers_;
     uint32_t next_rank_ = 0, next_stored_ = 0;
     bool storing_ = false, failed_ = false;
 };

@@ -23,24 +23,28 @@ uint32_t bits_below(uint32_t cell, uint32_t level) {
     return (shift >= 0 ? cell >> shift : cell << -shift) & ((1u << kCodeLevels) - 1);
 }
 
-// Least significant digit first, over the bits that differ.
+// Least significant digit first, over the highest bits that differ; what agrees there is short and compared.
 void radix_sort(std::vector<CodedIndex>& items, std::vector<CodedIndex>& other) {
-    constexpr size_t kSmall = 96;  // below, comparisons are quicker than histograms
-    if (items.size() < kSmall) {
-        std::sort(items.begin(), items.end(), [](const CodedIndex& a, const CodedIndex& b) { return a.code < b.code; });
-        return;
-    }
+    constexpr size_t kSmall = 96;   // below, comparisons are quicker than histograms
+    constexpr int kRadixBits = 40;  // of a chunk of scanned points, nearly every point differs in these
+    const auto by_code = [](const CodedIndex& a, const CodedIndex& b) { return a.code < b.code; };
+    if (items.size() < kSmall) return std::sort(items.begin(), items.end(), by_code);
     uint64_t differing = 0;
     for (const CodedIndex& item : items) differing |= item.code ^ items.front().code;
     other.resize(items.size());
-    for (int shift = 0; shift < 64; shift += 8) {
-        if ((differing >> shift & 0xff) == 0) continue;
+    const int lowest = std::max(int(std::bit_width(differing)) - kRadixBits, 0);
+    for (int shift = lowest; differing >> shift != 0; shift += 8) {
         std::array<uint32_t, 256> start{};
         for (const CodedIndex& item : items) ++start[item.code >> shift & 0xff];
         uint32_t sum = 0;
         for (uint32_t& entry : start) sum += std::exchange(entry, sum);
         for (const CodedIndex& item : items) other[start[item.code >> shift & 0xff]++] = item;
         items.swap(other);
+        if (shift + 8 >= 64) break;
+    }
+    for (size_t begin = 0, end = 1; lowest > 0 && begin < items.size(); begin = end++) {
+        while (end < items.size() && (items[end].code ^ items[begin].code) >> lowest == 0) ++end;
+        if (end - begin > 1) std::sort(items.begin() + ptrdiff_t(begin), items.begin() + ptrdiff_t(end), by_code);
     }
 }
 
@@ -88,7 +92,7 @@ void sort_records(const OctreeFrame& frame, uint32_t level, size_t record_size, 
     for (size_t i = 0; i < n; ++i) {
         const uint32_t to = bucket_end[codes[i] >> bucket_shift]++;
         bucket_codes[to] = codes[i];
-        std::memcpy(scratch.data() + to * record_size, records.data() + i * record_size, record_size);
+        copy_record(scratch.data() + to * record_size, records.data() + i * record_size, record_size);
     }
     std::vector<CodedIndex> items, other;
     uint32_t begin = 0;
@@ -105,7 +109,7 @@ void sort_records(const OctreeFrame& frame, uint32_t level, size_t record_size, 
         }
         for (size_t i = 0; i < items.size(); ++i) {
             codes[begin + i] = items[i].code;
-            std::memcpy(records.data() + (begin + i) * record_size, scratch.data() + items[i].index * record_size, record_size);
+            copy_record(records.data() + (begin + i) * record_size, scratch.data() + items[i].index * record_size, record_size);
         }
         begin = end;
     }

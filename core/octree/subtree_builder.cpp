@@ -47,7 +47,7 @@ void SubtreeBuilder::prepare(Node& node, const NodeKey& root) {
     node.at_face = touches_faces_of(node.key, root);
     sampler_.start(node.key);
     for (const uint32_t i : node.kept_above)
-        if (const Vec3i p_quanta = record_position(record(i)); sampler_.near_faces(p_quanta)) node.border.push_back(p_quanta);
+        if (const Vec3i p_quanta = position(i); sampler_.near_faces(p_quanta)) node.border.push_back(p_quanta);
 }
 
 // What is kept so far around a node inside the chunk: by nodes of its level, or above leaves that end higher up.
@@ -70,18 +70,31 @@ void SubtreeBuilder::add_seeds_of_neighbours(const NodeKey& node, const NodeKey&
 
 // The sampler has its seeds.
 void SubtreeBuilder::sample(Node& node) {
-    candidates_.clear();
-    candidate_records_.clear();
+    candidate_records_.resize(node.end - node.begin + 1);
+    size_t count = 0;
     for (uint32_t i = node.begin; i < node.end; ++i) {
-        if (kept_[i]) continue;
-        candidate_records_.push_back(i);
-        candidates_.push_back(record_position(record(i)));
+        candidate_records_[count] = i;
+        count += !kept_[i];
     }
-    sampler_.sample(candidates_, picked_);
+    candidate_records_.resize(count);
+    for (size_t axis = 0; axis < 3; ++axis) {
+        candidates_[axis].resize(candidate_records_.size());
+        for (size_t i = 0; i < candidate_records_.size(); ++i) candidates_[axis][i] = quanta_[axis][candidate_records_[i]];
+    }
+    sampler_.sample(candidates_[0], candidates_[1], candidates_[2], picked_);
     for (const uint32_t pick : picked_) {
-        kept_[candidate_records_[pick]] = true;
-        node.kept.push_back(candidate_records_[pick]);
-        if (sampler_.near_faces(candidates_[pick])) node.border.push_back(candidates_[pick]);
+        const uint32_t i = candidate_records_[pick];
+        kept_[i] = 1;
+        node.kept.push_back(i);
+        if (const Vec3i p_quanta = position(i); sampler_.near_faces(p_quanta)) node.border.push_back(p_quanta);
+    }
+}
+
+void SubtreeBuilder::read_positions() {
+    for (std::vector<int32_t>& axis : quanta_) axis.resize(codes_.size());
+    for (uint32_t i = 0; i < codes_.size(); ++i) {
+        const Vec3i p_quanta = record_position(record(i));
+        for (int axis = 0; axis < 3; ++axis) quanta_[size_t(axis)][i] = p_quanta[axis];
     }
 }
 
@@ -90,7 +103,7 @@ void SubtreeBuilder::add_to_border(const Node& node, const NodeKey& root, Subtre
     const double side = frame_.node_side(root.level), spacing = frame_.spacing(node.key.level);
     const Vec3d low = Vec3d(root.x, root.y, root.z) * side;
     for (const uint32_t i : node.kept) {
-        const Vec3i p_quanta = record_position(record(i));
+        const Vec3i p_quanta = position(i);
         const Vec3d p = p_quanta.cast<double>().cwiseProduct(frame_.scale) - low;
         if ((p.array() < spacing).any() || (p.array() > side - spacing).any()) subtree.border.push_back({p_quanta, node.key.level});
     }
@@ -120,27 +133,35 @@ std::vector<SubtreeBuilder::Node> SubtreeBuilder::divide(const Node& node, uint3
 }
 
 void SubtreeBuilder::encode(const Node& node, Subtree& subtree) {
-    scratch_.clear();
-    const auto take = [&](uint32_t index) { scratch_.insert(scratch_.end(), record(index), record(index) + record_size_); };
+    scratch_.resize(record_size_ * (node.leaf ? node.end - node.begin : node.kept.size()));
+    std::byte* to = scratch_.data();
+    const auto take = [&](uint32_t index) {
+        copy_record(to, record(index), record_size_);
+        to += record_size_;
+    };
     if (node.leaf) {
         for (uint32_t i = node.begin; i < node.end; ++i)
             if (!kept_[i]) take(i);
     } else {
         for (const uint32_t i : node.kept) take(i);
     }
-    const uint32_t points = uint32_t(scratch_.size() / record_size_);
+    const std::span<const std::byte> records(scratch_.data(), to);
+    const uint32_t points = uint32_t(records.size() / record_size_);
     if (points == 0 && node.leaf) return;  // all are kept above: nothing is left to store
     const uint64_t offset = subtree.bytes.size();
-    if (points > 0) sink_.encode(scratch_, points, subtree.bytes);
+    if (points > 0) sink_.encode(records, points, subtree.bytes);
     subtree.nodes.push_back({node.key, points, offset, subtree.bytes.size() - offset});
     subtree.points += points;
 }
 
-Subtree SubtreeBuilder::build(const NodeKey& root, std::span<const BorderPoint> seeds) {
+Subtree SubtreeBuilder::build(const NodeKey& root, std::span<const BorderPoint> seeds, std::vector<std::byte> buffer) {
     root_level_ = root.level;
     sort_records(frame_, root.level, record_size_, records_, scratch_, codes_);
-    kept_.assign(codes_.size(), false);
+    read_positions();
+    kept_.assign(codes_.size(), 0);
     Subtree subtree{.root = root};
+    subtree.bytes = std::move(buffer);
+    subtree.bytes.reserve(records_.size());
     LeafBorders leaf_borders;
     std::vector<Node> level = {Node{.key = root, .begin = 0, .end = uint32_t(codes_.size())}};
     for (uint32_t depth = 0; !level.empty(); ++depth) {
@@ -149,7 +170,7 @@ Subtree SubtreeBuilder::build(const NodeKey& root, std::span<const BorderPoint> 
         for (Node& node : level) {
             if (node.leaf) continue;
             sampler_.start(node.key);
-            for (const uint32_t i : node.kept_above) sampler_.add_seed(record_position(record(i)), node.key.level);
+            for (const uint32_t i : node.kept_above) sampler_.add_seed(position(i), node.key.level);
             add_seeds_of_neighbours(node.key, root, level, leaf_borders);
             if (node.at_face)
                 for (const BorderPoint& seed : seeds) sampler_.add_seed(seed.p_quanta, seed.level);

@@ -1,7 +1,7 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <span>
 #include <vector>
@@ -41,8 +41,9 @@ public:
     /// Where the next chunk's records go: resize, fill, then build.
     std::vector<std::byte>& records() { return records_; }
 
-    /// seeds  border points of adjacent chunks that were built before in everybody's order
-    Subtree build(const NodeKey& root, std::span<const BorderPoint> seeds);
+    /// seeds   border points of adjacent chunks that were built before in everybody's order
+    /// buffer  empty, with room that Subtree::bytes reuses
+    Subtree build(const NodeKey& root, std::span<const BorderPoint> seeds, std::vector<std::byte> buffer);
 
     /// Bytes that building a chunk of that many points takes, all told, at most.
     static uint64_t memory_needed(uint64_t points, size_t record_size);
@@ -67,6 +68,8 @@ private:
     void encode(const Node& node, Subtree& subtree);
     uint32_t digit(uint32_t record, uint32_t depth) const;
     const std::byte* record(uint32_t index) const { return records_.data() + size_t(index) * record_size_; }
+    Vec3i position(uint32_t index) const { return {quanta_[0][index], quanta_[1][index], quanta_[2][index]}; }
+    void read_positions();
 
     const OctreeFrame& frame_;
     size_t record_size_;
@@ -75,8 +78,9 @@ private:
     uint32_t root_level_ = 0;
     std::vector<std::byte> records_, scratch_;
     std::vector<uint64_t> codes_;
-    std::vector<bool> kept_;              // [records]
-    std::vector<Vec3i> candidates_;
+    std::array<std::vector<int32_t>, 3> quanta_;  // [axis][records] positions, sorted as the records
+    std::vector<uint8_t> kept_;                   // [records] 1: by some node
+    std::array<std::vector<int32_t>, 3> candidates_;
     std::vector<uint32_t> candidate_records_, picked_;
 };
 

@@ -1,6 +1,7 @@
 #include "core/octree/top_merge.h"
 
 #include <algorithm>
+#include <array>
 
 #include "core/octree/record_layout.h"
 #include "core/parallel.h"
@@ -73,13 +74,14 @@ void merge_top(const Partition& partition, const OctreeFrame& frame, size_t reco
     std::map<NodeKey, std::vector<Vec3i>> borders;  // of finished nodes, near their faces
     for (const Partition::Node* node : inner) {
         std::vector<NodeRecords> children;
-        std::vector<Vec3i> candidates;
+        std::array<std::vector<int32_t>, 3> candidates;
         for (const int32_t child : node->children) {
             if (child < 0) continue;
             const NodeKey& key = partition.nodes()[size_t(child)].key;
             children.push_back({key, promoted.take(key)});
             const std::vector<std::byte>& records = children.back().records;
-            for (size_t at = 0; at < records.size(); at += record_size) candidates.push_back(record_position(&records[at]));
+            for (size_t at = 0; at < records.size(); at += record_size)
+                for (int axis = 0; axis < 3; ++axis) candidates[size_t(axis)].push_back(record_position(&records[at])[axis]);
         }
         sampler.start(node->key);
         for_each_neighbour(node->key, [&](const NodeKey& key) {
@@ -91,7 +93,7 @@ void merge_top(const Partition& partition, const OctreeFrame& frame, size_t reco
             }
         });
         std::vector<uint32_t> picked;
-        sampler.sample(candidates, picked);
+        sampler.sample(candidates[0], candidates[1], candidates[2], picked);
 
         std::vector<std::byte> kept;
         std::vector<Vec3i>& border = borders[node->key];
@@ -105,7 +107,8 @@ void merge_top(const Partition& partition, const OctreeFrame& frame, size_t reco
                 to.insert(to.end(), child.records.begin() + ptrdiff_t(at), child.records.begin() + ptrdiff_t(at + record_size));
                 if (!moves_up) continue;
                 ++next_picked;
-                if (sampler.near_faces(candidates[index])) border.push_back(candidates[index]);
+                const Vec3i p_quanta = record_position(&child.records[at]);
+                if (sampler.near_faces(p_quanta)) border.push_back(p_quanta);
             }
             waiting.push_back({child.key, std::move(left)});
         }

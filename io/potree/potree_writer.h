@@ -12,7 +12,7 @@ enum class PotreeEncoding { plain, brotli };  // "DEFAULT" and "BROTLI" in metad
 
 struct PotreeWriteSettings {
     PotreeEncoding encoding = PotreeEncoding::plain;
-    int brotli_quality = 3;  // 0 ... 11
+    int brotli_quality = 2;  // 0 ... 11
     bool overwrite = false;
     Durability durability = Durability::synced;
 };

@@ -25,13 +25,11 @@ std::string text_of(const std::string& path) {
     return text.str();
 }
 
-// The same simulated village for all tests: made once, by the program, from a seed.
+// The village of the repository's sample data.
 class Render : public testing::Test {
 protected:
     static void SetUpTestSuite() {
         folder_ = new TemporaryFolder;
-        const ProgramResult made = run_strata({"sample", village(), "--points", "60000", "--seed", "7", "--quiet"});
-        ASSERT_EQ(made.exit_code, 0) << made.err;
         has_gl_ = run_strata({"render", village(), "-o", file("probe.png"), "--size", "16x16", "--quiet"}).exit_code == 0;
     }
     static void TearDownTestSuite() {
@@ -39,7 +37,7 @@ protected:
         folder_ = nullptr;
     }
     static std::string file(const std::string& name) { return folder_->file(name); }
-    static std::string village() { return file("village.las"); }
+    static std::string village() { return STRATA_SOURCE_DIR "/sample_data/village.las"; }
 
     // Renders without lighting, so that no GL is needed, unless the words say otherwise.
     static ProgramResult render(std::vector<std::string> words) {
