@@ -12,7 +12,7 @@ strata=build/release/strata
 mkdir -p demo
 if [ ! -e demo/village.las ]; then
     echo "== scanning a simulated village"
-    "$strata" sample demo/village.las --points 5000000 --scene village
+    "$strata" sample demo/village.las --points 4000000 --mode both --overwrite
 fi
 if [ ! -e demo/village/metadata.json ] || [ demo/village.las -nt demo/village/metadata.json ]; then
     echo "== building its levels of detail"
@@ -24,10 +24,10 @@ picture() {
     "$strata" render demo/village --quiet --overwrite -o "demo/$1" "${@:2}"
     echo "   demo/$1"
 }
-picture village.png --view iso --edl 1
-picture elevation.png --view iso --color elevation --edl 1
-picture classes.png --view top --color classification --ortho
-picture front.png --view front --color intensity --edl 1
+picture village.png                                                          # the whole, in its colors
+picture church.png --eye 548055,5327930,488 --target 548000,5328010,468      # from a camera of our own
+picture elevation.png --color elevation
+picture classes.png --view top --ortho --color classification                # a map, with its world file
 
 cat <<END
 
