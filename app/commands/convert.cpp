@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "app/commands/commands.h"
+#include "app/commands/spared_inputs.h"
 #include "app/progress.h"
 #include "app/quantity_text.h"
 #include "core/error.h"
@@ -32,17 +33,6 @@ constexpr OptionRow kRows[] = {
     shared_option::kJson,
     shared_option::kQuiet,
 };
-
-// With --overwrite the earlier folder goes, and an input inside would go with it.
-void check_inputs_outside(std::span<const std::string> inputs, const std::string& output) {
-    std::error_code problem;
-    const fs::path folder = fs::weakly_canonical(output, problem);
-    for (const std::string& input : inputs) {
-        const fs::path path = fs::weakly_canonical(input, problem);
-        const auto [end, _] = std::mismatch(folder.begin(), folder.end(), path.begin(), path.end());
-        if (end == folder.end()) throw Error(ErrorKind::io, output + ": the input " + input + " lies inside the output");
-    }
-}
 
 // The disk must hold what a build writes beside what is there already.
 void check_disk(const std::string& output, const BuildEstimate& estimate) {
@@ -83,7 +73,7 @@ int run(const Options& options) {
     const std::string output = options.positional.back();
     const std::vector<std::string> inputs = point_files(std::span(options.positional).first(options.positional.size() - 1));
     const bool quiet = options.given("--quiet") || options.given("--json");
-    check_inputs_outside(inputs, output);
+    check_inputs_spared(output, inputs);
     const std::unique_ptr<PointSource> source = open_points(inputs);
     const BuildEstimate estimate = estimate_build(source->info(), settings);
     check_disk(output, estimate);

@@ -1,6 +1,8 @@
 // strata info: one report as JSON; its text is the same report laid out for people.
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "app/commands/commands.h"
@@ -147,7 +149,7 @@ ordered_json layered_report(const std::string& path, const Format& format, const
 
 void print(const std::string& text) {
     if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
-        throw Error(ErrorKind::io, "standard output: the report could not be written");
+        throw Error(ErrorKind::io, std::string("standard output: ") + std::strerror(errno));
 }
 
 int run(const Options& options) {

@@ -9,6 +9,7 @@
 #include "app/commands/commands.h"
 #include "app/commands/render_options.h"
 #include "app/quantity_text.h"
+#include "app/commands/spared_inputs.h"
 #include "core/error.h"
 #include "core/octree/memory_cloud.h"
 #include "io/format.h"
@@ -113,11 +114,27 @@ void write_place(const std::string& path, const std::optional<PictureGeoreferenc
         std::filesystem::remove(check_output_path(path, overwrite));
 }
 
+// What a picture is made from. Pictures that lie in the folder of a data set are none of it.
+std::vector<std::string> files_read(const Options& options) {
+    std::vector<std::string> files = options.positional;
+    for (const std::string_view flag : {"--camera", "--reference"})
+        if (options.given(flag)) files.push_back(options.text(flag));
+    std::error_code problem;
+    for (const std::string& path : options.positional)
+        for (std::filesystem::directory_iterator entry(path, problem), end; !problem && entry != end; entry.increment(problem))
+            if (const std::string ending = entry->path().extension(); ending != ".png" && ending != ".pfm" && ending != ".pgw")
+                files.push_back(entry->path().string());
+    return files;
+}
+
 int run(const Options& options) {
     check_render_options(options);
     // Before any work: an output in the way would make it vain.
-    for (const std::string_view flag : {"--output", "--depth"})
-        if (options.given(flag)) check_output_path(options.text(flag), options.given("--overwrite"));
+    for (const std::string_view flag : {"--output", "--depth"}) {
+        if (!options.given(flag)) continue;
+        check_output_path(options.text(flag), options.given("--overwrite"));
+        check_inputs_spared(options.text(flag), files_read(options));
+    }
     const std::unique_ptr<LayeredCloud> cloud = open_cloud(options);
     const RenderRequest request = make_render_request(options, *cloud);
     const RenderSettings& settings = request.settings;
