@@ -123,7 +123,7 @@ std::vector<std::string> point_files(std::span<const std::string> words) {
             if (is_las_name(entry->path())) files.push_back(entry->path().string());
         if (problem) throw Error(ErrorKind::io, word + ": " + problem.message());
         if (files.size() == size_t(before))
-            throw Error(ErrorKind::not_found, word + ": a folder without data: metadata.json of Potree 2.0 or .las files are expected");
+            throw Error(ErrorKind::not_found, word + ": no .las files in this folder, and no metadata.json of Potree 2.0");
         std::sort(files.begin() + before, files.end());
     }
     return files;
