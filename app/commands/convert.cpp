@@ -38,7 +38,8 @@ std::vector<std::string> input_files(std::span<const std::string> words) {
     std::vector<std::string> files;
     for (const std::string& word : words) {
         std::error_code problem;
-        if (!fs::is_directory(word, problem) || identify_format(word).kind == FormatKind::layered) {
+        const bool holds_data_set = fs::exists(fs::path(word) / "metadata.json", problem);  // refused where it is opened
+        if (!fs::is_directory(word, problem) || holds_data_set) {
             files.push_back(word);
             continue;
         }
