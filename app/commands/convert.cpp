@@ -88,6 +88,7 @@ uint64_t peak_memory_bytes() {
 int run(const Options& options) {
     if (options.text("--format") != "potree")
         throw Error(ErrorKind::usage, "--format: expected potree, got '" + options.text("--format") + "'");
+    const PotreeWriteSettings potree_settings = write_settings(options);
     const std::string output = options.positional.back();
     const std::vector<std::string> inputs = input_files(std::span(options.positional).first(options.positional.size() - 1));
     const bool quiet = options.given("--quiet") || options.given("--json");
@@ -108,7 +109,7 @@ int run(const Options& options) {
     settings.on_progress = [&](const BuildProgress& p) { progress.update(p.stage, p.done, p.total); };
 
     const auto start = std::chrono::steady_clock::now();
-    const auto writer = make_potree_writer(output, write_settings(options));
+    const auto writer = make_potree_writer(output, potree_settings);
     const auto scratch = make_scratch_file(fs::absolute(output).parent_path().string());
     const BuildReport report = build_octree(*source, settings, scratch.get(), *writer);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
