@@ -39,15 +39,17 @@ protected:
     void SetUp() override {
         write_sheet(scan_, kPoints);
         write_sheet(folder_.file("other.las"), 500);
-        ASSERT_EQ(convert(scan_, folder_.file("whole")).exit_code, 0);
-        ASSERT_EQ(convert(folder_.file("other.las"), folder_.file("earlier")).exit_code, 0);
+        fs::create_directory(folder_.file("whole"));  // the last part of an output's name is in its metadata
+        fs::create_directory(folder_.file("earlier"));
+        ASSERT_EQ(convert(scan_, whole_).exit_code, 0);
+        ASSERT_EQ(convert(folder_.file("other.las"), earlier_).exit_code, 0);
     }
     static ProgramResult convert(const std::string& in, const std::string& out, const ProgramLimits& limits = {}) {
         return run_strata({"convert", in, out, "--quiet", "--overwrite", "--encoding", GetParam()}, limits);
     }
 
     const TemporaryFolder folder_;
-    const std::string scan_ = folder_.file("scan.las");
+    const std::string scan_ = folder_.file("scan.las"), whole_ = folder_.file("whole/out"), earlier_ = folder_.file("earlier/out");
 };
 
 // A step of 64 KiB crosses every file of the output: before, within and after each.
@@ -60,18 +62,18 @@ TEST_P(FullDisk, IsRefusedBeforeTheStartWithPathAndBytes) {
         if (!disk.mounted()) GTEST_SKIP() << "only root can make a small disk";
         SCOPED_TRACE("a disk of " + std::to_string(bytes) + " bytes");
         std::error_code problem;
-        fs::copy(folder_.file("earlier"), disk.file("out"), problem);
-        const bool earlier = !problem && same_potree(disk.file("out"), folder_.file("earlier"));
+        fs::copy(earlier_, disk.file("out"), problem);
+        const bool earlier = !problem && same_potree(disk.file("out"), earlier_);
         if (!earlier) fs::remove_all(disk.file("out"));
         const ProgramResult result = convert(scan_, disk.file("out"));
         if (result.exit_code == 0) {
-            EXPECT_TRUE(same_potree(disk.file("out"), folder_.file("whole")));
+            EXPECT_TRUE(same_potree(disk.file("out"), whole_));
             ++whole;
         } else {
             EXPECT_EQ(refusal_verdict(result), "");
             EXPECT_TRUE(result.err.starts_with("strata: " + disk.file("out") + ": about ")) << result.err;  // refused by the estimate
             EXPECT_NE(result.err.find("are needed"), std::string::npos) << result.err;
-            if (earlier) EXPECT_TRUE(same_potree(disk.file("out"), folder_.file("earlier")));
+            if (earlier) EXPECT_TRUE(same_potree(disk.file("out"), earlier_));
             ++refused;
         }
         EXPECT_EQ(entries(disk.file("")), earlier || result.exit_code == 0 ? 1u : 0u);
@@ -82,8 +84,8 @@ TEST_P(FullDisk, IsRefusedBeforeTheStartWithPathAndBytes) {
 
 // Nothing foretells a limit on the size of files, or a quota: the write fails in the middle.
 TEST_P(FullDisk, FoundWhileWritingNamesPathAndBytes) {
-    fs::copy(folder_.file("earlier"), folder_.file("out"));
-    const uint64_t most = fs::file_size(folder_.file("whole/octree.bin"));
+    fs::copy(earlier_, folder_.file("out"));
+    const uint64_t most = fs::file_size(whole_ + "/octree.bin");
     const int steps = full_run() ? 64 : 8;
     for (int step = 0; step < steps; ++step) {
         const uint64_t bytes = 1 + most * uint64_t(step) / uint64_t(steps);
@@ -92,7 +94,7 @@ TEST_P(FullDisk, FoundWhileWritingNamesPathAndBytes) {
         EXPECT_EQ(refusal_verdict(result), "");
         EXPECT_NE(result.err.find("octree.bin: byte "), std::string::npos) << result.err;
         EXPECT_NE(result.err.find("File too large"), std::string::npos) << result.err;
-        EXPECT_TRUE(same_potree(folder_.file("out"), folder_.file("earlier")));
+        EXPECT_TRUE(same_potree(folder_.file("out"), earlier_));
         EXPECT_EQ(entries(folder_.path()), 5u);
     }
 }

@@ -73,7 +73,7 @@ TEST_F(OutputInTheWay, WhatIsNoOutputOfThatKindIsLeftAlone) {
 
 TEST_F(OutputInTheWay, AnInputIsNeverTheOutput) {
     const std::string before = file_contents(scan_);
-    expect_refused(convert(scan_), scan_, "lies inside the output");
+    expect_refused(convert(scan_), scan_, "is an input");
     expect_refused(render(scan_), scan_, "is an input");
     fs::create_symlink(scan_, folder_.file("link"));
     expect_refused(render(folder_.file("link")), folder_.file("link"), "is an input");
