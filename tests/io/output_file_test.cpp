@@ -136,7 +136,7 @@ TEST(OutputFile, RefusesWhatIsNoFile) {
         EXPECT_EQ(error.kind, ErrorKind::io) << error.what();
     }
     EXPECT_EQ(error_of([] { OutputFile("/dev/full", true); }).kind, ErrorKind::io);
-    EXPECT_EQ(error_of([] { OutputFile("", true); }).kind, ErrorKind::io);
+    EXPECT_EQ(error_of([] { OutputFile("", true); }).kind, ErrorKind::usage);
     EXPECT_EQ(error_of([&] { OutputFile(folder.file("no/such/folder"), true); }).kind, ErrorKind::not_found);
     EXPECT_EQ(error_of([&] { OutputFile(folder.file("pipe") + "/x", true); }).kind, ErrorKind::io);
 }
