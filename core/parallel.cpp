@@ -30,7 +30,12 @@ void parallel_workers(int threads, const std::function<void(int worker)>& body) 
     };
     {
         std::vector<std::jthread> team;
-        for (int worker = 1; worker < threads; ++worker) team.emplace_back(guarded, worker);
+        team.reserve(size_t(std::max(threads, 1)));
+        try {
+            for (int worker = 1; worker < threads; ++worker) team.emplace_back(guarded, worker);
+        } catch (const std::exception&) {
+            // The machine has no more threads to give: those that run do all the work.
+        }
         guarded(0);
     }
     if (failure) std::rethrow_exception(failure);

@@ -11,7 +11,8 @@ namespace strata {
 void parallel_blocks(int threads, size_t n, size_t block, const std::function<void(size_t begin, size_t end)>& body);
 
 /// Runs body(worker) once on each of `threads` threads, worker = 0 ... threads - 1, and waits for all.
-/// For work that hands itself out, such as an ordered queue. throws  what a body throws, once all have ended
+/// For work that hands itself out, such as an ordered queue: where the machine refuses a thread, there are fewer workers.
+/// throws  what a body throws, once all have ended
 void parallel_workers(int threads, const std::function<void(int worker)>& body);
 
 /// The number of threads to use when the user did not say: those the process may run on.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cstddef>
 #include <filesystem>
 
@@ -43,13 +44,25 @@ std::string readable_names() {
     return names;
 }
 
-const Format& identify_folder(const std::string& path) {
+// Null: a folder, but of nothing that strata knows.
+const Format* format_of_folder(const std::string& path) {
     std::error_code ignored;
     const auto holds = [&](const char* name) { return fs::is_regular_file(fs::path(path) / name, ignored); };
-    if (holds("metadata.json")) return format_named("potree");
-    if (holds("tileset.json")) return format_named("3dtiles");
-    if (holds("ept.json")) return format_named("ept");
+    if (holds("metadata.json")) return &format_named("potree");
+    if (holds("tileset.json")) return &format_named("3dtiles");
+    if (holds("ept.json")) return &format_named("ept");
+    return nullptr;
+}
+
+const Format& identify_folder(const std::string& path) {
+    if (const Format* format = format_of_folder(path)) return *format;
     throw Error(ErrorKind::unsupported, path + ": a folder without data: metadata.json of Potree 2.0 is expected");
+}
+
+bool is_las_name(const fs::path& path) {
+    std::string ending = path.extension().string();
+    std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+    return ending == ".las" || ending == ".laz";  // compressed ones too: they are refused by name, not passed over
 }
 
 const Format& identify_las(std::string_view head) {
@@ -95,6 +108,25 @@ const Format& identify_format(const std::string& path) {
     if (fs::is_directory(path, ignored)) return identify_folder(path);
     if (fs::path(path).filename() == "metadata.json") return identify_folder(fs::path(path).parent_path().string());
     return identify_bytes(*open_file(path));
+}
+
+std::vector<std::string> point_files(std::span<const std::string> words) {
+    std::vector<std::string> files;
+    for (const std::string& word : words) {
+        std::error_code problem;
+        if (!fs::is_directory(word, problem) || format_of_folder(word) != nullptr) {
+            files.push_back(word);
+            continue;
+        }
+        const ptrdiff_t before = ptrdiff_t(files.size());
+        for (fs::directory_iterator entry(word, problem), end; !problem && entry != end; entry.increment(problem))
+            if (is_las_name(entry->path())) files.push_back(entry->path().string());
+        if (problem) throw Error(ErrorKind::io, word + ": " + problem.message());
+        if (files.size() == size_t(before))
+            throw Error(ErrorKind::not_found, word + ": no .las files in this folder, and no metadata.json of Potree 2.0");
+        std::sort(files.begin() + before, files.end());
+    }
+    return files;
 }
 
 std::unique_ptr<PointSource> open_points(std::span<const std::string> paths) {

@@ -4,6 +4,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "core/cloud/point_source.h"
 #include "core/octree/layered_cloud.h"
@@ -32,6 +33,11 @@ std::span<const Format> all_formats();
 /// Recognises a file or folder by its first bytes, not by its name.
 /// throws  Error{not_found, unsupported, io}: the path and the formats that are known
 const Format& identify_format(const std::string& path);
+
+/// The files that words of a command line stand for: a folder that is no data set means the LAS and LAZ files in it, in the
+/// order of their names; any other word means itself.
+/// throws  Error{not_found}: a folder without such files
+std::vector<std::string> point_files(std::span<const std::string> words);
 
 /// Opens one plain file, or several as one cloud: the finest scale, the union of attributes.
 /// throws  Error, naming the file and the place

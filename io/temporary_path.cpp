@@ -1,5 +1,6 @@
 #include "io/temporary_path.h"
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/file.h>
@@ -10,6 +11,7 @@
 #include <charconv>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <mutex>
 #include <set>
 #include <string_view>
@@ -32,13 +34,37 @@ struct Registry {
     std::set<std::string> paths;
 };
 Registry& registry() {
-    static Registry instance;
+    static Registry& instance = *new Registry;  // outlives static destructors: a signal may come while they run
     return instance;
 }
 
+// Names are unlinked without memory of ours: a temporary goes also when there is no more of it.
+void empty_folder(int descriptor) noexcept {
+    DIR* folder = nullptr;
+    for (int attempt = 0; !folder && attempt < 3; ++attempt) folder = ::fdopendir(descriptor);
+    if (!folder) {
+        ::close(descriptor);
+        return;
+    }
+    while (const dirent* entry = ::readdir(folder)) {
+        const char* const name = entry->d_name;
+        if (!std::strcmp(name, ".") || !std::strcmp(name, "..") || ::unlinkat(descriptor, name, 0) == 0) continue;
+        const int child = ::openat(descriptor, name, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
+        if (child < 0) continue;
+        empty_folder(child);
+        ::unlinkat(descriptor, name, AT_REMOVEDIR);
+    }
+    ::closedir(folder);
+}
+
 void remove_quietly(const std::string& path) noexcept {
-    std::error_code ignored;
-    fs::remove_all(path, ignored);
+    if (::unlink(path.c_str()) == 0 || errno == ENOENT) return;
+    for (int attempt = 0; attempt < 3; ++attempt) {  // another thread may have given a file in it its name meanwhile
+        const int folder = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
+        if (folder < 0) continue;
+        empty_folder(folder);
+        if (::rmdir(path.c_str()) == 0) return;
+    }
 }
 
 // ".NAME.strata-", shortened so that a name of 255 bytes still gets a temporary.
@@ -66,16 +92,22 @@ void remove_if_stale(const std::string& path) {
     ::close(descriptor);
 }
 
+struct CloseFolder {
+    void operator()(DIR* folder) const noexcept { ::closedir(folder); }
+};
+
+// By readdir: std::filesystem's iterator ends the program when there is no memory for it.
 void remove_stale(const std::string& folder, const std::string& prefix) {
-    std::error_code failure;
-    for (fs::directory_iterator entry(folder, failure), end; !failure && entry != end; entry.increment(failure)) {
-        const std::string name = entry->path().filename().string();
+    const std::unique_ptr<DIR, CloseFolder> entries(::opendir(folder.c_str()));
+    if (!entries) return;
+    while (const dirent* entry = ::readdir(entries.get())) {
+        const std::string_view name = entry->d_name;
         if (!name.starts_with(prefix) || !name.ends_with(kEnding) || name.size() <= prefix.size() + kEnding.size()) continue;
         const char* first = name.data() + prefix.size();
         const char* last = name.data() + name.size() - kEnding.size();
         pid_t pid = 0;
         const auto [stop, error] = std::from_chars(first, last, pid);
-        if (error == std::errc() && stop == last && pid > 0 && !process_runs(pid)) remove_if_stale(entry->path().string());
+        if (error == std::errc() && stop == last && pid > 0 && !process_runs(pid)) remove_if_stale(folder + "/" + std::string(name));
     }
 }
 
@@ -88,21 +120,27 @@ TemporaryPath::TemporaryPath(const std::string& final_path, Kind kind) {
     path_ = (fs::path(folder) / prefix).string();
     path_.append(std::to_string(::getpid())).append(kEnding);
 
+    int problem = 0;
     Registry& all = registry();
-    const std::lock_guard lock(all.mutex);  // a signal between creation and entry would leave the file behind
+    const std::lock_guard lock(all.mutex);  // a signal between entry and creation would meet another's file
+    all.paths.insert(path_);                // first: a lack of memory after creation would leave the file behind
     if (kind == Kind::file) {
         descriptor_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        problem = errno;
     } else if (::mkdir(path_.c_str(), 0777) == 0) {
         descriptor_ = ::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+        problem = errno;
         if (descriptor_ < 0) remove_quietly(path_);
+    } else {
+        problem = errno;
     }
     if (descriptor_ < 0) {
-        if (errno == EEXIST) throw Error(ErrorKind::io, final_path + ": is being written already, as " + path_);
-        throw Error(errno == ENOENT ? ErrorKind::not_found : ErrorKind::io,
-                    final_path + ": cannot be written into " + folder + ": " + std::strerror(errno));
+        all.paths.erase(path_);
+        if (problem == EEXIST) throw Error(ErrorKind::io, final_path + ": is being written already, as " + path_);
+        throw Error(problem == ENOENT ? ErrorKind::not_found : ErrorKind::io,
+                    final_path + ": cannot be written into " + folder + ": " + std::strerror(problem));
     }
     ::flock(descriptor_, LOCK_EX | LOCK_NB);  // where a file system has no locks, the process number alone decides
-    all.paths.insert(path_);
 }
 
 TemporaryPath::~TemporaryPath() {
@@ -120,9 +158,12 @@ void TemporaryPath::keep() {
     kept_ = true;
 }
 
-void remove_all_temporaries() noexcept {
-    const std::lock_guard lock(registry().mutex);
+void remove_temporaries_and_exit(int exit_code) noexcept {
+    // Never given back: no temporary is made from here on, and a thread that fails because its file is gone waits in
+    // ~TemporaryPath for the end instead of reporting it.
+    registry().mutex.lock();
     for (const std::string& path : registry().paths) remove_quietly(path);
+    ::_exit(exit_code);
 }
 
 }  // namespace strata

@@ -31,8 +31,8 @@ private:
     bool kept_ = false;
 };
 
-/// Removes the temporaries of this process, for the thread that waits for signals before it ends the process. Takes a
-/// lock and allocates: not for a signal handler itself.
-void remove_all_temporaries() noexcept;
+/// Removes the temporaries of this process and ends it, for the thread that waits for signals. Other threads may be at
+/// work: what they fail at meanwhile is not reported. Takes a lock: not for a signal handler itself.
+[[noreturn]] void remove_temporaries_and_exit(int exit_code) noexcept;
 
 }  // namespace strata

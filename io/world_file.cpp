@@ -12,7 +12,7 @@ std::string world_file_text(const PictureGeoreference& g) {
     std::string text;
     for (const double value : {g.right_step.x(), g.right_step.y(), g.down_step.x(), g.down_step.y(), g.first_center.x(), g.first_center.y()}) {
         char digits[400];  // fixed notation of any double: not every GIS reads exponents
-        const auto [end, error] = std::to_chars(digits, digits + sizeof(digits), value, std::chars_format::fixed);
+        const auto [end, error] = std::to_chars(digits, digits + sizeof(digits), value + 0.0, std::chars_format::fixed);  // + 0: no "-0"
         text.append(digits, end).push_back('\n');
     }
     return text;

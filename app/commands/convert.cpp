@@ -8,7 +8,9 @@
 #include <nlohmann/json.hpp>
 
 #include "app/commands/commands.h"
+#include "app/commands/spared_inputs.h"
 #include "app/progress.h"
+#include "app/quantity_text.h"
 #include "core/error.h"
 #include "core/octree/octree_builder.h"
 #include "io/format.h"
@@ -32,40 +34,6 @@ constexpr OptionRow kRows[] = {
     shared_option::kQuiet,
 };
 
-// A folder stands for the point files in it, in the order of their names.
-std::vector<std::string> input_files(std::span<const std::string> words) {
-    std::vector<std::string> files;
-    for (const std::string& word : words) {
-        std::error_code problem;
-        if (!fs::is_directory(word, problem) || identify_format(word).kind == FormatKind::layered) {
-            files.push_back(word);
-            continue;
-        }
-        const size_t before = files.size();
-        for (const fs::directory_entry& entry : fs::directory_iterator(word)) {
-            std::string ending = entry.path().extension().string();
-            std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-            if (ending == ".las") files.push_back(entry.path().string());
-        }
-        if (files.size() == before) throw Error(ErrorKind::not_found, word + ": no .las files in this folder");
-        std::sort(files.begin() + ptrdiff_t(before), files.end());
-    }
-    return files;
-}
-
-// With --overwrite the earlier folder goes, and an input inside would go with it.
-void check_inputs_outside(std::span<const std::string> inputs, const std::string& output) {
-    std::error_code problem;
-    const fs::path folder = fs::weakly_canonical(output, problem);
-    for (const std::string& input : inputs) {
-        const fs::path path = fs::weakly_canonical(input, problem);
-        const auto [end, _] = std::mismatch(folder.begin(), folder.end(), path.begin(), path.end());
-        if (end == folder.end()) throw Error(ErrorKind::io, output + ": the input " + input + " lies inside the output");
-    }
-}
-
-double gibibytes(uint64_t bytes) { return double(bytes) / double(1 << 30); }
-
 // The disk must hold what a build writes beside what is there already.
 void check_disk(const std::string& output, const BuildEstimate& estimate) {
     const fs::path parent = fs::absolute(output).parent_path();
@@ -83,6 +51,7 @@ PotreeWriteSettings write_settings(const Options& options) {
         throw Error(ErrorKind::usage, "--encoding: expected default or brotli, got '" + encoding + "'");
     settings.encoding = encoding == "brotli" ? PotreeEncoding::brotli : PotreeEncoding::plain;
     settings.brotli_quality = int(options.integer("--quality", 0, 11));
+    if (options.given("--quality") && encoding != "brotli") throw Error(ErrorKind::usage, "--quality needs --encoding brotli");
     settings.overwrite = options.given("--overwrite");
     settings.durability = options.given("--no-sync") ? Durability::unsynced : Durability::synced;
     return settings;
@@ -97,27 +66,26 @@ uint64_t peak_memory_bytes() {
 int run(const Options& options) {
     if (options.text("--format") != "potree")
         throw Error(ErrorKind::usage, "--format: expected potree, got '" + options.text("--format") + "'");
-    const std::string output = options.positional.back();
-    const std::vector<std::string> inputs = input_files(std::span(options.positional).first(options.positional.size() - 1));
-    const bool quiet = options.given("--quiet") || options.given("--json");
-    check_inputs_outside(inputs, output);
-    const std::unique_ptr<PointSource> source = open_points(inputs);
-
+    const PotreeWriteSettings writing = write_settings(options);
     BuildSettings settings;
     settings.threads = thread_count(options);
     settings.memory_bytes = memory_cap(options);
+    const std::string output = options.positional.back();
+    const std::vector<std::string> inputs = point_files(std::span(options.positional).first(options.positional.size() - 1));
+    const bool quiet = options.given("--quiet") || options.given("--json");
+    check_inputs_spared(output, inputs);
+    const std::unique_ptr<PointSource> source = open_points(inputs);
     const BuildEstimate estimate = estimate_build(source->info(), settings);
     check_disk(output, estimate);
-    if (!quiet) {
-        std::fprintf(stderr, "%llu points: at most %.2f GiB memory, %.2f GiB temporary, %.2f GiB output\n",
-                     static_cast<unsigned long long>(source->info().points), gibibytes(estimate.memory_bytes),
-                     gibibytes(estimate.temporary_bytes), gibibytes(estimate.record_bytes));
-    }
+    const auto writer = make_potree_writer(output, writing);  // refuses an output that exists
+    if (!quiet && estimate.memory_bytes <= settings.memory_bytes)
+        std::fprintf(stderr, "%s points: at most %s memory, %s temporary, %s output\n", with_commas(source->info().points).c_str(),
+                     size_text(estimate.memory_bytes).c_str(), size_text(estimate.temporary_bytes).c_str(),
+                     size_text(estimate.record_bytes).c_str());
     ProgressLine progress(quiet);
     settings.on_progress = [&](const BuildProgress& p) { progress.update(p.stage, p.done, p.total); };
 
     const auto start = std::chrono::steady_clock::now();
-    const auto writer = make_potree_writer(output, write_settings(options));
     const auto scratch = make_scratch_file(fs::absolute(output).parent_path().string());
     const BuildReport report = build_octree(*source, settings, scratch.get(), *writer);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -136,9 +104,10 @@ int run(const Options& options) {
                                              {"worst_rounding", report.worst_rounding}};
         std::printf("%s\n", json.dump(2).c_str());
     } else if (!quiet) {
-        std::fprintf(stderr, "%s: %llu points in %llu nodes on %d levels, %.2f GiB, %.1f s (%.1f M points/s)\n", output.c_str(),
-                     static_cast<unsigned long long>(report.points_written), static_cast<unsigned long long>(report.nodes),
-                     report.levels, gibibytes(writer->output_bytes()), seconds, double(report.points_written) / seconds / 1e6);
+        std::fprintf(stderr, "%s: %s points in %s nodes on %d levels, %s, %.1f s", output.c_str(), with_commas(report.points_written).c_str(),
+                     with_commas(report.nodes).c_str(), report.levels, size_text(writer->output_bytes()).c_str(), seconds);
+        if (seconds >= 0.5) std::fprintf(stderr, " (%.1f M points/s)", double(report.points_written) / seconds / 1e6);
+        std::fputc('\n', stderr);
     }
     return 0;
 }

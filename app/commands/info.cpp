@@ -1,10 +1,13 @@
 // strata info: one report as JSON; its text is the same report laid out for people.
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "app/commands/commands.h"
 #include "app/commands/info_text.h"
+#include "app/quantity_text.h"
 #include "core/cloud/cloud_statistics.h"
 #include "core/error.h"
 #include "core/octree/layered_points.h"
@@ -35,7 +38,7 @@ ordered_json box_json(const Box3d& box) {
 // What every format says of itself.
 ordered_json cloud_json(const std::string& path, const Format& format, const CloudInfo& info) {
     ordered_json report = {{"path", path}, {"format", format.name}, {"detail", info.format}, {"points", info.points},
-                           {"bounds", box_json(info.bounds)}, {"scale", vector_json(info.quantization.scale)},
+                           {"bounds", box_json(info.points > 0 ? info.bounds : Box3d{})}, {"scale", vector_json(info.quantization.scale)},
                            {"offset", vector_json(info.quantization.offset)}, {"crs", nullptr}};
     if (!info.crs.empty()) report["crs"] = info.crs;
     report["attributes"] = ordered_json::array();
@@ -146,12 +149,14 @@ ordered_json layered_report(const std::string& path, const Format& format, const
 
 void print(const std::string& text) {
     if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
-        throw Error(ErrorKind::io, "standard output: the report could not be written");
+        throw Error(ErrorKind::io, std::string("standard output: ") + std::strerror(errno));
 }
 
 int run(const Options& options) {
     const std::string& path = options.positional.front();
     const Format& format = identify_format(path);
+    if (options.given("--quality") && format.kind == FormatKind::points)
+        throw Error(ErrorKind::usage, "--quality: a level-of-detail data set is expected, " + path + " is " + std::string(format.name));
     const ordered_json report = format.kind == FormatKind::layered ? layered_report(path, format, options) : points_report(path, format, options);
     // Names and texts from a file may be of any encoding; JSON is UTF-8.
     const std::string text = report.dump(2, ' ', false, ordered_json::error_handler_t::replace);

@@ -7,6 +7,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "app/quantity_text.h"
+
 namespace strata {
 namespace {
 
@@ -32,9 +34,9 @@ std::string number_text(const ordered_json& value, int decimals = -1) {
     if (value.is_number_integer()) return std::to_string(value.get<int64_t>());
     char text[64];
     if (decimals >= 0 && std::abs(value.get<double>()) < 1e15)
-        std::snprintf(text, sizeof text, "%.*f", decimals, value.get<double>());
+        std::snprintf(text, sizeof text, "%.*f", decimals, value.get<double>() + 0.0);  // + 0: files hold -0 as well
     else
-        std::snprintf(text, sizeof text, "%.10g", value.get<double>());
+        std::snprintf(text, sizeof text, "%.10g", value.get<double>() + 0.0);
     return text;
 }
 
@@ -156,12 +158,6 @@ void layer_rows(const ordered_json& report, Block& block) {
 }
 
 }  // namespace
-
-std::string with_commas(uint64_t count) {
-    std::string text = std::to_string(count);
-    for (int at = int(text.size()) - 3; at > 0; at -= 3) text.insert(size_t(at), 1, ',');
-    return text;
-}
 
 std::string info_text(const std::string& report_json) {
     const ordered_json report = ordered_json::parse(report_json);

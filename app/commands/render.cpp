@@ -1,12 +1,15 @@
 // strata render: opens, asks the renderer for one frame, streams it to files, reports.
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
 
 #include "app/commands/commands.h"
 #include "app/commands/render_options.h"
+#include "app/commands/spared_inputs.h"
+#include "app/quantity_text.h"
 #include "core/error.h"
 #include "core/octree/memory_cloud.h"
 #include "io/format.h"
@@ -20,7 +23,7 @@ namespace strata {
 namespace {
 
 std::unique_ptr<LayeredCloud> open_cloud(const Options& options) {
-    const std::vector<std::string>& paths = options.positional;
+    const std::vector<std::string> paths = point_files(options.positional);
     if (identify_format(paths[0]).kind == FormatKind::layered) {
         if (paths.size() > 1)
             throw Error(ErrorKind::usage, "render: one level-of-detail data set at a time, or several plain files");
@@ -83,31 +86,55 @@ std::optional<PictureGeoreference> georeference(const Camera& camera, const Rend
                                camera.eye.head<2>() + (0.5 - 0.5 * settings.width) * right + (0.5 - 0.5 * settings.height) * down};
 }
 
-std::string difference_path(const std::string& path) {
-    return (path.ends_with(".png") ? path.substr(0, path.size() - 4) : path) + ".difference.png";
+std::string difference_path(const std::string& path) { return path.substr(0, path.size() - 4) + ".difference.png"; }
+
+// Read before the work: where it is missing or of another size there is nothing to compare.
+Image read_reference(const RenderRequest& request) {
+    Image reference = read_png(request.reference);
+    const RenderSettings& settings = request.settings;
+    if (reference.width != settings.width || reference.height != settings.height)
+        throw Error(ErrorKind::malformed, request.reference + ": a picture of " + std::to_string(settings.width) + " x " +
+                                              std::to_string(settings.height) + " pixels is expected, this one has " +
+                                              std::to_string(reference.width) + " x " + std::to_string(reference.height));
+    return reference;
 }
 
-// returns  the exit code
-int compare_with_reference(const RenderRequest& request, const Image& picture, nlohmann::ordered_json& stats) {
-    const Image reference = read_png(request.reference);
-    const ImageDifference difference = compare_images(picture, reference, request.settings.threads);
-    stats["difference"] = {{"worst_tile", difference.worst_tile}, {"max_channel", difference.max_channel},
-                           {"rms", difference.rms},               {"psnr_db", difference.psnr_db},
-                           {"ssim", difference.ssim},             {"threshold", request.threshold}};
-    if (difference.worst_tile <= request.threshold) return 0;
-    const std::string path = difference_path(request.output);
-    write_png(path, difference_picture(picture, reference, difference), true, request.settings.threads);
-    std::fprintf(stderr, "strata: %s: differs from %s by %.2f near pixel %u,%u; at most %g allowed; see %s\n",
-                 request.output.c_str(), request.reference.c_str(), difference.worst_tile, difference.worst_tile_x,
-                 difference.worst_tile_y, request.threshold, path.c_str());
-    return 1;
+nlohmann::ordered_json difference_json(const ImageDifference& difference, double threshold) {
+    return {{"worst_tile", difference.worst_tile}, {"max_channel", difference.max_channel},
+            {"rms", difference.rms},               {"psnr_db", difference.psnr_db},
+            {"ssim", difference.ssim},             {"threshold", threshold}};
+}
+
+// Says where the picture lies on the map or, for one that lies nowhere, takes away what an earlier picture of that name said:
+// a GIS would believe it.
+void write_place(const std::string& path, const std::optional<PictureGeoreference>& place, bool overwrite) {
+    if (place)
+        write_world_file(path, *place, overwrite);
+    else if (std::filesystem::exists(path))
+        std::filesystem::remove(check_output_path(path, overwrite));
+}
+
+// What a picture is made from. Pictures that lie in the folder of a data set are none of it.
+std::vector<std::string> files_read(const Options& options) {
+    std::vector<std::string> files = options.positional;
+    for (const std::string_view flag : {"--camera", "--reference"})
+        if (options.given(flag)) files.push_back(options.text(flag));
+    std::error_code problem;
+    for (const std::string& path : options.positional)
+        for (std::filesystem::directory_iterator entry(path, problem), end; !problem && entry != end; entry.increment(problem))
+            if (const std::string ending = entry->path().extension(); ending != ".png" && ending != ".pfm" && ending != ".pgw")
+                files.push_back(entry->path().string());
+    return files;
 }
 
 int run(const Options& options) {
     check_render_options(options);
     // Before any work: an output in the way would make it vain.
-    for (const std::string_view flag : {"--output", "--depth"})
-        if (options.given(flag)) check_output_path(options.text(flag), options.given("--overwrite"));
+    for (const std::string_view flag : {"--output", "--depth"}) {
+        if (!options.given(flag)) continue;
+        check_output_path(options.text(flag), options.given("--overwrite"));
+        check_inputs_spared(options.text(flag), files_read(options));
+    }
     const std::unique_ptr<LayeredCloud> cloud = open_cloud(options);
     const RenderRequest request = make_render_request(options, *cloud);
     const RenderSettings& settings = request.settings;
@@ -119,8 +146,15 @@ int run(const Options& options) {
     PngWriter png(request.output, settings.width, settings.height, png_options);
     std::optional<PfmWriter> depth;
     if (!request.depth_output.empty()) depth.emplace(request.depth_output, settings.width, settings.height, request.overwrite);
-    Image picture;  // whole only where it is compared
-    if (!request.reference.empty()) picture = Image(settings.width, settings.height);
+    Image picture, reference;  // whole only where they are compared
+    if (!request.reference.empty()) {
+        reference = read_reference(request);
+        picture = Image(settings.width, settings.height);
+    }
+    const std::optional<PictureGeoreference> place =
+        cloud->info().crs.empty() ? std::nullopt : georeference(request.camera, settings);
+    const std::string place_path = world_file_path(request.output);
+    check_output_path(place_path, request.overwrite);
 
     Renderer renderer;
     const RenderReport report = renderer.render_frame(*cloud, request.camera, settings, [&](const RenderedRows& rows) {
@@ -132,22 +166,29 @@ int run(const Options& options) {
     if (report.failures.count > 0)
         throw Error(ErrorKind::malformed, std::to_string(report.failures.count) + " nodes cannot be read, so there is no picture; first: " +
                                               report.failures.first);
-    const std::optional<PictureGeoreference> place =
-        cloud->info().crs.empty() ? std::nullopt : georeference(request.camera, settings);
-    if (place) write_world_file(world_file_path(request.output), *place, request.overwrite);
+    write_place(place_path, place, request.overwrite);
     if (depth) depth->finish();
     png.finish();
 
     nlohmann::ordered_json stats = stats_json(request, report);
-    const int exit_code = request.reference.empty() ? 0 : compare_with_reference(request, picture, stats);
+    std::optional<ImageDifference> difference;
+    if (!request.reference.empty()) {
+        difference = compare_images(picture, reference, settings.threads);
+        stats["difference"] = difference_json(*difference, request.threshold);
+    }
     if (request.stats)
         std::printf("%s\n", stats.dump(2).c_str());
     else if (!request.quiet)
-        std::fprintf(stderr, "%s: %u x %u, %llu of %llu points in %.2f s, error %.2f px%s\n", request.output.c_str(), settings.width,
-                     settings.height, static_cast<unsigned long long>(report.points_drawn),
-                     static_cast<unsigned long long>(cloud->info().points), 1e-3 * report.frame_ms, report.error_px,
+        std::fprintf(stderr, "%s: %u x %u, %s of %s points in %.2f s, error %.2f px%s\n", request.output.c_str(), settings.width,
+                     settings.height, with_commas(report.points_drawn).c_str(), with_commas(cloud->info().points).c_str(), 1e-3 * report.frame_ms, report.error_px,
                      report.bound_by == BoundBy::error ? "" : (" (" + std::string(bound_name(report.bound_by)) + " reached)").c_str());
-    return exit_code;
+    if (!difference || difference->worst_tile <= request.threshold) return 0;
+    const std::string difference_file = difference_path(request.output);
+    write_png(difference_file, difference_picture(picture, reference, *difference), true, settings.threads);
+    std::fprintf(stderr, "strata: %s: differs from %s by %.2f near pixel %u,%u; at most %g allowed; see %s\n",
+                 request.output.c_str(), request.reference.c_str(), difference->worst_tile, difference->worst_tile_x,
+                 difference->worst_tile_y, request.threshold, difference_file.c_str());
+    return 1;
 }
 
 }  // namespace

@@ -1,8 +1,11 @@
 #include "app/commands/render_options.h"
 
+#include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <numbers>
 #include <tuple>
 
@@ -31,7 +34,7 @@ constexpr OptionRow kRows[] = {
     {"--splat", "", "square|disc|paraboloid", "paraboloid", "shape of a point; paraboloids meet where they overlap on a surface"},
     {"--point-size", "", "adaptive|PIXELS", "adaptive", "diameter of a point; adaptive: from the spacing of the points, so that surfaces close"},
     {"--error", "", "PIXELS", "1", "detail: points left out lie this near to drawn ones"},
-    {"--budget", "", "POINTS", "20000000", "most points to draw"},
+    {"--budget", "", "POINTS", "20000000", "most points to draw; the root is always drawn"},
     {"--edl", "", "STRENGTH[,RADIUS]", "0.7", "eye-dome lighting: how dark slopes get, and pixels to the neighbors; default radius: 2, or a splat where larger; 0: off"},
     {"--background", "", "COLOR", "#181c24", "'#rrggbb'"},
     {"--transparent", "", "", "", "no background: alpha 0 where there are no points"},
@@ -186,12 +189,20 @@ Camera camera_of(const CameraSpec& spec) {
     return camera;
 }
 
+// The picture is a PNG whatever it is called; a name that says otherwise misleads whoever opens it.
+bool is_png_name(const std::string& path) {
+    std::string ending = std::filesystem::path(path).extension().string();
+    std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+    return ending == ".png";
+}
+
 }  // namespace
 
 std::span<const OptionRow> render_option_rows() { return kRows; }
 
 void check_render_options(const Options& options) {
     if (!options.given("--output")) throw Error(ErrorKind::usage, "render: -o FILE.png is missing");
+    if (!is_png_name(options.text("--output"))) refuse("--output", "a name that ends in .png", options.text("--output"));
     parse_size(options.text("--size"));
     parse_color(options.text("--background"));
     parse_edl(options.text("--edl"));

@@ -1,11 +1,11 @@
 // strata sample: a simulated scan whose truth is known.
-#include <unistd.h>
-
 #include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "app/commands/commands.h"
+#include "app/progress.h"
+#include "app/quantity_text.h"
 #include "core/error.h"
 #include "core/simulate/scan_cloud.h"
 #include "core/simulate/scan_stream.h"
@@ -17,7 +17,7 @@ namespace {
 constexpr OptionRow kRows[] = {
     {"--points", "-n", "N", "1000000", "points to write, 1 to 10000000000; the scene grows with them, to about 25 points a square metre"},
     {"--scene", "", "NAME", "village", "what is scanned: village"},
-    {"--mode", "", "MODE", "airborne", "how it is scanned: airborne (strips), terrestrial (stations) or both (3/5 from the air)"},
+    {"--mode", "", "MODE", "both", "how it is scanned: airborne (strips), terrestrial (stations) or both (3/5 from the air)"},
     {"--noise", "", "METRES", "0.01", "standard deviation of a beam's range"},
     {"--seed", "", "K", "1", "whole number that decides the scene and every beam"},
     shared_option::kThreads,
@@ -35,33 +35,6 @@ SurveyMode parse_mode(const std::string& text) {
     if (text == "both") return SurveyMode::both;
     throw Error(ErrorKind::usage, "--mode: expected airborne, terrestrial or both, got '" + text + "'");
 }
-
-// One line on a terminal, renewed a few times a second.
-class Progress {
-public:
-    Progress(uint64_t total, bool shown) : total_(total), shown_(shown && ::isatty(STDERR_FILENO)) {}
-    Progress(const Progress&) = delete;
-    Progress& operator=(const Progress&) = delete;
-    ~Progress() {
-        if (shown_) std::fputs("\r\033[K", stderr);
-    }
-
-    void show(uint64_t done) {
-        const double now = seconds();
-        if (!shown_ || now - last_ < 0.2) return;
-        last_ = now;
-        const double rate = double(done) / now;
-        std::fprintf(stderr, "\r\033[Kscanning %3.0f %%  %.1f M points/s  %.0f s left", 100.0 * double(done) / double(total_), rate * 1e-6,
-                     double(total_ - done) / rate);
-    }
-    double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count(); }
-
-private:
-    uint64_t total_;
-    bool shown_;
-    std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
-    double last_ = 0.0;
-};
 
 int run(const Options& options) {
     const std::string& path = options.positional[0];
@@ -83,22 +56,24 @@ int run(const Options& options) {
                      settings.points);
     const VillageScene scene(settings.seed);
     const Survey survey(scene, settings);
-    Progress progress(settings.points, !quiet && !json);
+    ProgressLine progress(quiet || json);
+    const auto begin = std::chrono::steady_clock::now();
     PointBatch batch;
     stream_scan(scene, survey, threads, [&](std::span<const ScanPoint> points) {
         fill_scan_batch(points, batch);
         writer.write(batch);
-        progress.show(writer.points());
+        progress.update("scanning", writer.points(), settings.points);
     });
     const uint64_t bytes = writer.size_bytes();
     writer.finish();
-    const double seconds = progress.seconds();
+    progress.clear();
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     if (json) {
         const nlohmann::ordered_json report = {{"output", path}, {"points_written", writer.points()}, {"output_bytes", bytes}, {"seconds", seconds},
                                                {"scene", "village"}, {"mode", options.text("--mode")}, {"noise", settings.noise}, {"seed", settings.seed}};
         std::printf("%s\n", report.dump().c_str());
     } else if (!quiet) {
-        std::fprintf(stderr, "%s: %llu points, %.1f MB, %.1f s\n", path.c_str(), static_cast<unsigned long long>(writer.points()), double(bytes) * 1e-6, seconds);
+        std::fprintf(stderr, "%s: %s points, %s, %.1f s\n", path.c_str(), with_commas(writer.points()).c_str(), size_text(bytes).c_str(), seconds);
     }
     return 0;
 }

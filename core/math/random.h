@@ -21,7 +21,7 @@ public:
     /// Uniform in [0, 1), a multiple of 2^-53.
     double uniform() { return double(bits() >> 11) * 0x1p-53; }
     double uniform(double low, double high) { return low + (high - low) * uniform(); }
-    /// Standard normal by Box and Muller; two uniforms a call.
+    /// Standard normal; most often one draw.
     double normal();
 
 private:

@@ -11,6 +11,7 @@ namespace {
 const Vec3d kSun = Vec3d(-0.42, -0.48, 0.77).normalized();
 constexpr double kFaintest = 0.06;   // share of the pulse that still makes an echo
 constexpr double kWireShare = 0.35;  // of a beam that touches a wire
+constexpr uint64_t kEchoStream = 0x6563686f00000000u, kNoiseStream = 0x6e6f697300000000u;  // of a pulse's random numbers
 
 Shade shade_leaf(const Crown& crown, const CrownLook& look, const Vec3d& p) {
     const double level = (p.z() - crown.center.z()) / crown.half_height;
@@ -26,7 +27,8 @@ Shade shade_leaf(const Crown& crown, const CrownLook& look, const Vec3d& p) {
 
 // A smooth water surface mirrors: only beams that fall straight down come back, and now and then a ripple's.
 bool water_answers(const Vec3d& direction, Random& random) {
-    const double lobe = std::exp(-std::pow(std::acos(std::min(1.0, -direction.z())) / 0.10, 2.0));
+    const double angle = std::acos(std::min(1.0, -direction.z())) / 0.10;
+    const double lobe = std::exp(-angle * angle);
     return random.uniform() < 0.04 + 0.75 * lobe;
 }
 
@@ -90,9 +92,9 @@ Shade BeamScanner::shade(const Echo& echo) const {
 
 void BeamScanner::fire(const Ray& ray, const BeamModel& model, uint64_t pulse, const ScanPoint& fields, std::vector<ScanPoint>& out) {
     probe_.trace(ray, model.farthest, model.beam_radius, path_);
-    Random random(mix_bits(pulse));
+    Random random(pulse ^ kEchoStream);
     const size_t kept = record_echoes(gather_echoes(ray, random), model);
-    Random noise(mix_bits(pulse ^ 0x6e6f697365u));
+    Random noise(pulse ^ kNoiseStream);
     for (size_t i = 0; i < kept; ++i) {
         const Echo& echo = echoes_[i];
         const Shade surface = shade(echo);

@@ -40,7 +40,7 @@ public:
     explicit BeamScanner(const VillageScene& scene) : probe_(scene) {}
 
     SceneProbe& probe() { return probe_; }
-    /// Fires one pulse and appends its echoes. `pulse`: seed of this pulse; the noise has a stream of its own, so that the
+    /// Fires one pulse and appends its echoes. `pulse`: seed of this pulse, well mixed; the noise has a stream of its own, so that the
     /// same pulses with another sigma meet the same surfaces. `fields`: time, angle, source and flags, copied into each echo.
     void fire(const Ray& ray, const BeamModel& model, uint64_t pulse, const ScanPoint& fields, std::vector<ScanPoint>& out);
 

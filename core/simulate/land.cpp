@@ -19,18 +19,17 @@ double bend_phase(uint64_t seed, int64_t line, uint64_t direction, size_t bend) 
     return lattice_value(line, int64_t(bend), int64_t(direction), seed ^ 0x726f6164u);
 }
 
-double lateral(uint64_t seed, int64_t line, uint64_t direction, double along) {
-    double sum = double(line) * kTileSize;
-    for (size_t i = 0; i < kBends.size(); ++i)
-        sum += kBends[i].amplitude * sin_cos_turns(along / kBends[i].length + bend_phase(seed, line, direction, i)).sin;
-    return sum;
-}
+struct Course {
+    double lateral, slope;
+};
 
-double lateral_slope(uint64_t seed, int64_t line, uint64_t direction, double along) {
-    double sum = 0.0;
-    for (size_t i = 0; i < kBends.size(); ++i)
-        sum += kBends[i].amplitude * kTwoPi / kBends[i].length *
-               sin_cos_turns(along / kBends[i].length + bend_phase(seed, line, direction, i)).cos;
+Course course(uint64_t seed, int64_t line, uint64_t direction, double along) {
+    Course sum = {double(line) * kTileSize, 0.0};
+    for (size_t i = 0; i < kBends.size(); ++i) {
+        const SinCos wave = sin_cos_turns(along * (1.0 / kBends[i].length) + bend_phase(seed, line, direction, i));
+        sum.lateral += kBends[i].amplitude * wave.sin;
+        sum.slope += kBends[i].amplitude * kTwoPi / kBends[i].length * wave.cos;
+    }
     return sum;
 }
 
@@ -38,10 +37,10 @@ Vec3f mix(const Vec3f& a, const Vec3f& b, double share) { return a + float(share
 
 }  // namespace
 
-double Land::east_road_y(int64_t row, double x) const { return lateral(seed_, row, 0, x); }
-double Land::north_road_x(int64_t column, double y) const { return lateral(seed_, column, 1, y); }
-double Land::east_road_slope(int64_t row, double x) const { return lateral_slope(seed_, row, 0, x); }
-double Land::north_road_slope(int64_t column, double y) const { return lateral_slope(seed_, column, 1, y); }
+double Land::east_road_y(int64_t row, double x) const { return course(seed_, row, 0, x).lateral; }
+double Land::north_road_x(int64_t column, double y) const { return course(seed_, column, 1, y).lateral; }
+double Land::east_road_slope(int64_t row, double x) const { return course(seed_, row, 0, x).slope; }
+double Land::north_road_slope(int64_t column, double y) const { return course(seed_, column, 1, y).slope; }
 
 Vec2d Land::crossing(int64_t column, int64_t row) const {
     double x = double(column) * kTileSize, y = double(row) * kTileSize;
@@ -57,12 +56,12 @@ double Land::road_distance(double x, double y, double* along, double* other) con
     const int64_t column = tile_index(x), row = tile_index(y);
     double east = 1e3, north = 1e3;
     if (std::abs(y - double(row) * kTileSize) < kReach) {
-        const double slope = east_road_slope(row, x);
-        east = (y - east_road_y(row, x)) / std::sqrt(1.0 + slope * slope);
+        const Course road = course(seed_, row, 0, x);
+        east = (y - road.lateral) / std::sqrt(1.0 + road.slope * road.slope);
     }
     if (std::abs(x - double(column) * kTileSize) < kReach) {
-        const double slope = north_road_slope(column, y);
-        north = (x - north_road_x(column, y)) / std::sqrt(1.0 + slope * slope);
+        const Course road = course(seed_, column, 1, y);
+        north = (x - road.lateral) / std::sqrt(1.0 + road.slope * road.slope);
     }
     const bool east_nearer = std::abs(east) < std::abs(north);
     if (along) *along = east_nearer ? x : y;
@@ -82,13 +81,18 @@ bool Land::in_village(double x, double y) const {
     const int64_t column = tile_index(x), row = tile_index(y);
     if (!settled(column, row)) return false;
     const double dx = x - double(column) * kTileSize, dy = y - double(row) * kTileSize;
-    const double radius = village_radius(column, row) + 30.0 * smooth_noise(x / 40.0, y / 40.0, seed_ ^ 0x676172u);
-    return dx * dx + dy * dy < radius * radius;
+    constexpr double kRagged = 30.0;  // metres, of the outline
+    const double least = village_radius(column, row), reach2 = dx * dx + dy * dy;
+    if (reach2 < least * least) return true;
+    if (reach2 >= (least + kRagged) * (least + kRagged)) return false;
+    const double radius = least + kRagged * smooth_noise(x / 40.0, y / 40.0, seed_ ^ 0x676172u);
+    return reach2 < radius * radius;
 }
 
 bool Land::in_wood(double x, double y) const {
-    const double density = 0.65 * smooth_noise(x / 260.0, y / 260.0, seed_ ^ 0x776f6f64u) +
-                           0.35 * smooth_noise(x / 90.0, y / 90.0, seed_ ^ 0x776f6f65u);
+    const double wide = 0.65 * smooth_noise(x / 260.0, y / 260.0, seed_ ^ 0x776f6f64u);
+    if (wide < 0.58 - 0.35) return false;
+    const double density = wide + 0.35 * smooth_noise(x / 90.0, y / 90.0, seed_ ^ 0x776f6f65u);
     if (density < 0.58 || in_village(x, y)) return false;
     return std::abs(road_distance(x, y)) > 11.0;
 }

@@ -1,7 +1,8 @@
 #include "core/simulate/scan_cloud.h"
 
-#include <cmath>
 #include <numeric>
+
+#include "core/simulate/waves.h"
 
 namespace strata {
 namespace {
@@ -51,7 +52,7 @@ void fill_scan_batch(std::span<const ScanPoint> points, PointBatch& batch) {
     const auto flags = batch.column<uint8_t>(kFlags), classification = batch.column<uint8_t>(kClassification);
     const auto angle = batch.column<int16_t>(kScanAngle);
     const auto time = batch.column<double>(kGpsTime);
-    const auto quantum = [](double metres) { return int32_t(std::lround(metres * 1000.0)); };
+    const auto quantum = [](double metres) { return int32_t(floor_to_int(metres * 1000.0 + 0.5)); };
     for (size_t i = 0; i < points.size(); ++i) {
         const ScanPoint& p = points[i];
         batch.x[i] = quantum(p.position.x());

@@ -20,8 +20,8 @@ public:
     void work() {
         BeamScanner scanner(scene_);
         try {
-            for (Ticket ticket; take(ticket);) {
-                std::vector<ScanPoint> points;
+            std::vector<ScanPoint> points;
+            for (Ticket ticket; take(ticket, points);) {
                 survey_.scan_block(scanner, ticket.part, ticket.block, points);
                 bring(ticket, std::move(points), scanner);
             }
@@ -44,12 +44,17 @@ private:
         std::vector<ScanPoint> points;
     };
 
-    bool take(Ticket& ticket) {
+    // `points` gets an emptied block to fill, because fresh memory for each would cost as much as a tenth of the scan.
+    bool take(Ticket& ticket, std::vector<ScanPoint>& points) {
         std::unique_lock lock(mutex_);
         // The block that all wait for was handed out already, so its bearer never waits here.
         room_.wait(lock, [&] { return failed_ || pending_.size() < most_pending_; });
         while (next_.part < survey_.parts().size() && next_.block == survey_.parts()[next_.part].planned_blocks) next_ = {next_.number, next_.part + 1, 0};
         if (failed_ || next_.part == survey_.parts().size()) return false;
+        if (!spare_.empty()) {
+            points = std::move(spare_.back());
+            spare_.pop_back();
+        }
         ticket = next_;
         ++next_.number;
         ++next_.block;
@@ -60,7 +65,7 @@ private:
         const std::lock_guard lock(mutex_);
         pending_.emplace(ticket.number, Pending{ticket, std::move(points)});
         while (!pending_.empty() && pending_.begin()->first == next_to_pass_ && !failed_) {
-            const Pending ready = std::move(pending_.begin()->second);
+            Pending ready = std::move(pending_.begin()->second);
             pending_.erase(pending_.begin());
             ++next_to_pass_;
             pass(ready.ticket.part, ready.points);
@@ -71,6 +76,7 @@ private:
                     survey_.scan_block(scanner, ready.ticket.part, block, more);
                     pass(ready.ticket.part, more);
                 }
+            spare_.push_back(std::move(ready.points));
         }
         room_.notify_all();
     }
@@ -95,6 +101,7 @@ private:
     Ticket next_;
     uint64_t next_to_pass_ = 0;
     std::map<uint64_t, Pending> pending_;
+    std::vector<std::vector<ScanPoint>> spare_;
     size_t part_ = 0;      // whose points pass now
     uint64_t passed_ = 0;  // of that part
 };

@@ -16,10 +16,11 @@ GroundSample tile_slope(const Terrain& terrain, const SceneTile& tile, double x,
 
 // Steps along one axis from border to border of a lattice.
 struct AxisWalk {
-    AxisWalk(double origin, double speed, int64_t index, double low, double size)
-        : step(speed > 0.0 ? 1 : -1),
-          period(speed != 0.0 ? size / std::abs(speed) : INFINITY),
-          next(speed != 0.0 ? (low + double(index + (speed > 0.0 ? 1 : 0)) * size - origin) / speed : INFINITY) {}
+    // pace: distance flown for a metre along the axis; infinite when the axis is never left
+    AxisWalk(double origin, double pace, int64_t index, double low, double size)
+        : step(pace > 0.0 ? 1 : -1),
+          period(size * std::abs(pace)),
+          next(std::isinf(pace) ? pace * step : (low + double(index + (pace > 0.0 ? 1 : 0)) * size - origin) * pace) {}
 
     int64_t step;
     double period, next;  // distance between borders, and to the next one
@@ -52,11 +53,12 @@ void SceneProbe::trace(const Ray& ray, double farthest, double beam_radius, Beam
     }
     const Vec3d start = ray.at(t);
     int64_t column = tile_index(start.x()), row = tile_index(start.y());
-    AxisWalk x(ray.origin.x(), ray.direction.x(), column, -0.5 * kTileSize, kTileSize);
-    AxisWalk y(ray.origin.y(), ray.direction.y(), row, -0.5 * kTileSize, kTileSize);
+    const Vec2d pace(1.0 / ray.direction.x(), 1.0 / ray.direction.y());
+    AxisWalk x(ray.origin.x(), pace.x(), column, -0.5 * kTileSize, kTileSize);
+    AxisWalk y(ray.origin.y(), pace.y(), row, -0.5 * kTileSize, kTileSize);
     while (t < farthest) {
         const double leave = std::min({x.next, y.next, farthest});
-        trace_tile(tile_at(column, row), ray, t, leave, beam_radius, path);
+        trace_tile(tile_at(column, row), ray, pace, t, leave, beam_radius, path);
         if (path.hard.distance <= leave) break;
         t = leave;
         if (x.next <= y.next) {
@@ -82,7 +84,7 @@ void SceneProbe::trace(const Ray& ray, double farthest, double beam_radius, Beam
     path.wire_count = kept;
 }
 
-void SceneProbe::trace_tile(const SceneTile& tile, const Ray& ray, double enter, double leave, double beam_radius, BeamPath& path) {
+void SceneProbe::trace_tile(const SceneTile& tile, const Ray& ray, const Vec2d& pace, double enter, double leave, double beam_radius, BeamPath& path) {
     const double oz = ray.origin.z(), dz = ray.direction.z();
     if (dz < 0.0) enter = std::max(enter, (tile.top - oz) / dz);
     else if (dz > 0.0) leave = std::min(leave, (tile.top - oz) / dz);
@@ -92,8 +94,8 @@ void SceneProbe::trace_tile(const SceneTile& tile, const Ray& ray, double enter,
 
     const Vec3d start = ray.at(enter);
     Vec2i cell = tile.cell_of(start.x(), start.y());
-    AxisWalk x(ray.origin.x(), ray.direction.x(), cell.x(), tile.low.x(), SceneTile::kCellSize);
-    AxisWalk y(ray.origin.y(), ray.direction.y(), cell.y(), tile.low.y(), SceneTile::kCellSize);
+    AxisWalk x(ray.origin.x(), pace.x(), cell.x(), tile.low.x(), SceneTile::kCellSize);
+    AxisWalk y(ray.origin.y(), pace.y(), cell.y(), tile.low.y(), SceneTile::kCellSize);
     for (double t = enter; t < leave;) {
         const double next = std::min({x.next, y.next, leave});
         const SceneTile::Cell& here = tile.cell(cell.x(), cell.y());
@@ -102,7 +104,7 @@ void SceneProbe::trace_tile(const SceneTile& tile, const Ray& ray, double enter,
             if (here.count > 0) meet_items(tile, tile.items_of(here), ray, beam_radius, path);
             if (lowest <= here.ground_top) {
                 const double reach = dz < 0.0 ? std::max(t, (here.ground_top - oz) / dz) : t;
-                meet_ground(tile, ray, reach, std::min(next, path.hard.distance), path);
+                meet_ground(tile, tile.patch(cell.x(), cell.y()), ray, reach, std::min(next, path.hard.distance), path);
             }
         }
         if (path.hard.distance <= next) return;
@@ -153,24 +155,43 @@ void SceneProbe::meet_items(const SceneTile& tile, std::span<const SceneTile::It
     }
 }
 
-void SceneProbe::meet_ground(const SceneTile& tile, const Ray& ray, double enter, double leave, BeamPath& path) const {
+void SceneProbe::meet_ground(const SceneTile& tile, const GroundPatch& patch, const Ray& ray, double enter, double leave, BeamPath& path) const {
     // Height above ground f along the beam has |f''| <= bend, so f(t) + f'(t) s - bend s^2 / 2 is below f(t + s): its root is
     // a step that cannot pass the first crossing. Near a crossing the steps are Newton's.
     constexpr double kTouch = 1e-10;  // metres of height
     const double dx = ray.direction.x(), dy = ray.direction.y(), dz = ray.direction.z();
     const double bend = tile.curvature_bound * (dx * dx + dy * dy) + 1e-12;
+    const auto rate_over = [&](const GroundSample& ground) { return dz - dx * ground.slope_x - dy * ground.slope_y; };
+    const auto safe_step = [&](double f, double rate) { return 2.0 * f / (std::sqrt(rate * rate + 2.0 * bend * f) - rate); };
+    // Down to the patch, which is cheap, raised by its error: until there the beam is above ground.
+    const double slack = tile.patch_error;
     double t = enter;
+    bool steep = false;
     for (int i = 0; i < 200 && t <= leave; ++i) {
         const Vec3d p = ray.at(t);
-        const GroundSample ground = tile_slope(scene_->terrain(), tile, p.x(), p.y());
-        const double f = p.z() - ground.height;
-        if (f <= kTouch) {
-            path.hard = RayHit{.distance = t, .normal = Vec3d(-ground.slope_x, -ground.slope_y, 1.0).normalized(), .part = Part::ground};
-            path.tile = &tile;
-            return;
+        GroundSample guess = patch.slope(p.x(), p.y());
+        tile.pond.lower(p.x(), p.y(), guess);
+        const double f = p.z() - guess.height - slack, rate = rate_over(guess);
+        if (f <= slack) {
+            // Within three errors of the ground. If the beam keeps falling all the way down it crosses once: Newton may jump.
+            steep = rate < -1e-3 && rate * rate > 32.0 * bend * slack;
+            if (steep) t -= (f + slack) / rate;
+            break;
         }
-        const double rate = dz - dx * ground.slope_x - dy * ground.slope_y;
-        t += 2.0 * f / (std::sqrt(rate * rate + 2.0 * bend * f) - rate);
+        t += safe_step(f, rate);
+    }
+    for (int i = 0; i < 200 && (steep || t <= leave); ++i) {
+        const Vec3d p = ray.at(t);
+        const GroundSample ground = tile_slope(scene_->terrain(), tile, p.x(), p.y());
+        const double f = p.z() - ground.height, rate = rate_over(ground);
+        const double step = steep ? -f / rate : f > kTouch ? safe_step(f, rate) : 0.0;
+        t += step;
+        // What the step leaves of f is at most bend / 2 times its square; without bend Newton needs no second look.
+        if (f > kTouch ? bend * step * step > kTouch : steep && f < -kTouch && bend * step * step > kTouch) continue;
+        if (t > leave) return;
+        path.hard = RayHit{.distance = t, .normal = Vec3d(-ground.slope_x, -ground.slope_y, 1.0).normalized(), .part = Part::ground};
+        path.tile = &tile;
+        return;
     }
 }
 

@@ -184,6 +184,11 @@ bool Pillar::contains(const Vec3d& p, double margin) const {
 }
 
 bool Wire::meet(const Ray& ray, double beam_radius, RayHit& nearest, Vec3d& point) const {
+    // The parabola hangs at most `sag` straight below its chord, and the lines of beam and chord pass each other along their
+    // common normal: most beams end here.
+    const Vec3d normal = ray.direction.cross(end - begin);
+    const double to_chord = normal.dot(begin - ray.origin), to_lowest = to_chord - sag * normal.z(), width = (radius + beam_radius) * normal.norm();
+    if (std::min(to_chord, to_lowest) > width || std::max(to_chord, to_lowest) < -width) return false;
     // Least distance between the ray and the parabola: Newton on its derivative, from the nearest of a few places.
     const auto off_axis = [&](double s) {
         const Vec3d from = at(s) - ray.origin;

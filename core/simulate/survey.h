@@ -14,10 +14,11 @@ struct SurveySettings {
     uint64_t points = 1'000'000;
     double noise = 0.01;  // of a beam's range, standard deviation, metres
     uint64_t seed = 1;    // of the pulses; the scene has its own
-    SurveyMode mode = SurveyMode::airborne;
+    SurveyMode mode = SurveyMode::both;
 };
 
-/// Parallel overlapping strips over a square around the origin, flown to and fro, scanned across by an oscillating mirror.
+/// Parallel overlapping strips over a square around the origin, flown to and fro, scanned across by the oscillating mirrors of
+/// two channels, one that looks ahead and one that looks back.
 struct AirborneStrips {
     double extent = 0.0;    // side of the square, metres
     uint64_t strips = 0;    // planned; more follow on the far side should the points not suffice

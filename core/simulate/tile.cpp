@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace strata {
 namespace {
@@ -51,13 +52,15 @@ void index_tile(SceneTile& tile, const Terrain& terrain) {
     constexpr double size = SceneTile::kCellSize;
     tile.curvature_bound = terrain.curvature_bound() + tile.pond.curvature_bound();
     tile.cells.assign(size_t(n) * n, {});
+    tile.patches.resize(size_t(n) * n);
+    tile.patch_error = terrain.patch_error(0.5 * std::numbers::sqrt2 * size);
     for (int y = 0; y < n; ++y)
         for (int x = 0; x < n; ++x) {
             // Above the tangent plane at the middle by no more than the curvature allows. The pond only lowers the ground.
             const double cx = tile.low.x() + (x + 0.5) * size, cy = tile.low.y() + (y + 0.5) * size;
-            const GroundSample middle = terrain.slope(cx, cy);
+            const GroundPatch& patch = tile.patches[size_t(y) * n + size_t(x)] = terrain.patch(cx, cy);
             const double half = 0.5 * size, reach2 = 2.0 * half * half;
-            const double highest = middle.height + (std::abs(middle.slope_x) + std::abs(middle.slope_y)) * half +
+            const double highest = patch.row0[0] + (std::abs(patch.row1[0]) + std::abs(patch.row0[1])) * half +
                                    0.5 * terrain.curvature_bound() * reach2;
             SceneTile::Cell& cell = tile.cells[size_t(y) * n + size_t(x)];
             cell.ground_top = std::nextafter(float(highest), INFINITY);

@@ -71,9 +71,12 @@ struct SceneTile {
     std::vector<Pad> pads;
     std::vector<Cell> cells;             // [kCells * kCells] rows of x
     std::vector<Item> items;             // of the cells, one after another
+    std::vector<GroundPatch> patches;    // [kCells * kCells] the ground of each cell, but for the pond
+    double patch_error = 0.0;            // metres
 
     const Cell& cell(int x, int y) const { return cells[size_t(y) * kCells + size_t(x)]; }
     std::span<const Item> items_of(const Cell& c) const { return {items.data() + c.first, c.count}; }
+    const GroundPatch& patch(int x, int y) const { return patches[size_t(y) * kCells + size_t(x)]; }
     /// The cell that holds a place in this tile.
     Vec2i cell_of(double x, double y) const;
 };

@@ -1,6 +1,7 @@
 #include "io/las/las_crs.h"
 
 #include <algorithm>
+#include <cctype>
 #include <optional>
 
 #include "io/byte_reader.h"
@@ -26,7 +27,9 @@ const VariableRecord* find_record(const Header& header, uint16_t record_id) {
 std::string text_of(std::span<const std::byte> bytes) {
     std::string text = text_before_nul(bytes);
     while (!text.empty() && (text.back() == '|' || text.back() == ' ' || text.back() == '\n' || text.back() == '\r')) text.pop_back();
-    return text;
+    // Some writers put '' where there is nothing to say.
+    const bool says = std::any_of(text.begin(), text.end(), [](unsigned char c) { return std::isalnum(c) != 0; });
+    return says ? text : std::string();
 }
 
 struct GeoKey {

@@ -52,6 +52,22 @@ TEST_F(InfoCommand, JsonSaysWhatTheHeaderSays) {
     EXPECT_FALSE(report.contains("warnings"));
 }
 
+TEST_F(InfoCommand, QualityIsOfSetsOnly) {
+    const ProgramResult result = run_strata({"info", "--quality", write("scan.las", scan())});
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_TRUE(result.err.starts_with("strata: --quality: a level-of-detail data set is expected")) << result.err;
+}
+
+TEST_F(InfoCommand, NoPointsHaveNoBounds) {
+    test::LasFile file = scan();
+    file.records.clear();
+    file.record_size = 36;
+    const std::string path = write("empty.las", file), folder = folder_.file("empty");
+    const ProgramResult converted = run_strata({"convert", path, folder, "--quiet"});
+    ASSERT_EQ(converted.exit_code, 0) << converted.err;
+    for (const std::string& name : {path, folder}) EXPECT_TRUE(json::parse(run_strata({"info", "--json", name}).out)["bounds"]["min"].is_null()) << name;
+}
+
 TEST_F(InfoCommand, ExactReadsEveryPointAndNamesTheLies) {
     const ProgramResult result = run_strata({"info", "--json", "--exact", write("scan.las", scan())});
     ASSERT_EQ(result.exit_code, 0) << result.err;

@@ -134,10 +134,65 @@ TEST_F(Render, TransparentAndBackgroundPixels) {
 
 TEST_F(Render, ADifferentPictureFailsAndLeavesTheDifference) {
     ASSERT_EQ(render({"-o", file("front.png"), "--view", "front"}).exit_code, 0);
-    const ProgramResult result = render({"-o", file("back.png"), "--view", "back", "--reference", file("front.png")});
+    const ProgramResult result = render({"-o", file("back.png"), "--view", "back", "--reference", file("front.png"), "--stats"});
     EXPECT_EQ(result.exit_code, 1);
-    EXPECT_TRUE(std::filesystem::exists(file("back.difference.png")));
     EXPECT_NE(result.err.find("back.png"), std::string::npos);
+    EXPECT_EQ(result.err.find('\n'), result.err.size() - 1) << result.err;
+    const nlohmann::json difference = nlohmann::json::parse(result.out)["difference"];
+    for (const char* key : {"worst_tile", "max_channel", "rms", "psnr_db", "ssim"}) EXPECT_TRUE(difference[key].is_number()) << key;
+    EXPECT_EQ(difference["threshold"], 4);
+    EXPECT_GT(difference["worst_tile"], 4);
+
+    // The two pictures and where they differ, side by side or alone: as high as they are, and not black all over.
+    const Image shown = read_png(file("back.difference.png"));
+    EXPECT_EQ(shown.height, 200u);
+    EXPECT_EQ(shown.width % 320u, 0u);
+    EXPECT_TRUE(std::any_of(shown.pixels.begin(), shown.pixels.end(), [&](Rgba8 pixel) { return pixel != shown.pixels[0]; }));
+}
+
+TEST_F(Render, TheSamePicturePassesAtThresholdZero) {
+    ASSERT_EQ(render({"-o", file("first.png")}).exit_code, 0);
+    const ProgramResult result = render({"-o", file("second.png"), "--reference", file("first.png"), "--threshold", "0", "--stats"});
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const nlohmann::json difference = nlohmann::json::parse(result.out)["difference"];
+    EXPECT_EQ(difference["worst_tile"], 0.0);
+    EXPECT_EQ(difference["rms"], 0.0);
+    EXPECT_FALSE(std::filesystem::exists(file("second.difference.png")));
+}
+
+// A test against a missing reference, or one of another size, fails before the picture of the last run is replaced.
+TEST_F(Render, AReferenceThatCannotBeComparedIsAFailure) {
+    ASSERT_EQ(render({"-o", file("small.png"), "--size", "100x100"}).exit_code, 2);  // given twice: render() gives one too
+    ASSERT_EQ(run_strata({"render", village(), "-o", file("small.png"), "--size", "32x16", "--edl", "0"}).exit_code, 0);
+    std::ofstream(file("last.png")) << "the last run";
+    for (const std::string& reference : {file("small.png"), file("no reference.png"), village()}) {
+        const ProgramResult result = render({"-o", file("last.png"), "--reference", reference});
+        EXPECT_EQ(result.exit_code, 1) << result.err;
+        EXPECT_NE(result.err.find(reference), std::string::npos) << result.err;
+        EXPECT_EQ(text_of(file("last.png")), "the last run");
+    }
+}
+
+// Pixels of a picture straight down have a place; the world file of an earlier picture of that name would give them another.
+TEST_F(Render, AWorldFileNeverOutlivesItsPicture) {
+    const std::vector<std::string> map = {"-o", file("plan.png"), "--view", "top", "--ortho"};
+    ASSERT_EQ(render(map).exit_code, 0);
+    ASSERT_TRUE(std::filesystem::exists(file("plan.pgw")));
+    EXPECT_EQ(text_of(file("plan.pgw")).find("-0\n"), std::string::npos);
+    ASSERT_EQ(render({"-o", file("plan.png")}).exit_code, 0);
+    EXPECT_FALSE(std::filesystem::exists(file("plan.pgw")));
+
+    std::ofstream(file("other.pgw")) << "mine";
+    EXPECT_EQ(run_strata({"render", village(), "-o", file("other.png"), "--size", "32x16", "--edl", "0"}).exit_code, 1);
+    EXPECT_EQ(text_of(file("other.pgw")), "mine");
+}
+
+TEST_F(Render, AFolderOfScansIsDrawnAsOne) {
+    std::filesystem::create_directory(file("scans"));
+    std::filesystem::copy_file(village(), file("scans/a.las"));
+    ASSERT_EQ(render({"-o", file("file.png")}).exit_code, 0);
+    ASSERT_EQ(run_strata({"render", file("scans"), "-o", file("folder.png"), "--size", "320x200", "--edl", "0"}).exit_code, 0);
+    EXPECT_EQ(text_of(file("file.png")), text_of(file("folder.png")));
 }
 
 TEST_F(Render, WrongCommandLinesAreUsageErrors) {
@@ -146,6 +201,7 @@ TEST_F(Render, WrongCommandLinesAreUsageErrors) {
         {"--eye", "0,0,nan"}, {"--eye", "1,2,3", "--target", "1,2,3"}, {"--eye", "1,2,3", "--view", "top"}, {"--up", "0,0,1"},
         {"--color", "smell"}, {"--colormap", "plaid"}, {"--background", "red"}, {"--edl", "-1"}, {"--edl", "1,2,3"},
         {"--point-size", "0"}, {"--splat", "star"}, {"--error", "0"}, {"--budget", "0"}, {"--meters-per-pixel", "1"},
+        {"--reference", "a.png", "--threshold", "-1"}, {"--threshold", "1"},
     };
     for (std::vector<std::string> words : wrong) {
         const std::string what = words[0] + " " + words[1];
@@ -154,6 +210,14 @@ TEST_F(Render, WrongCommandLinesAreUsageErrors) {
         EXPECT_EQ(result.exit_code, 2) << what << ": " << result.err;
         EXPECT_FALSE(std::filesystem::exists(file("never.png"))) << what;
     }
+}
+
+TEST_F(Render, APictureIsCalledPng) {
+    for (const std::string name : {"picture", "picture.jpg", ".png"}) {
+        EXPECT_EQ(render({"-o", file(name)}).exit_code, 2) << name;
+        EXPECT_FALSE(std::filesystem::exists(file(name)));
+    }
+    EXPECT_EQ(render({"-o", file("picture.PNG")}).exit_code, 0);
 }
 
 TEST_F(Render, AnExistingPictureNeedsOverwrite) {

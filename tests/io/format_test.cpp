@@ -76,6 +76,19 @@ TEST(Format, WhatIsNotKnownNamesWhatIs) {
     EXPECT_THROW(identify_format(folder.file("none")), Error);
 }
 
+TEST(Format, AFolderStandsForItsScansByName) {
+    const TemporaryFolder folder;
+    for (const char* name : {"b.LAS", "a.las", "c.laz", "notes.txt"}) write(folder.file(name), {});
+    fs::create_directory(folder.file("set"));
+    write(folder.file("set/metadata.json"), {});
+    const std::vector<std::string> words = {"typed.xyz", folder.path(), folder.file("set")};
+    EXPECT_EQ(point_files(words), (std::vector<std::string>{"typed.xyz", folder.file("a.las"), folder.file("b.LAS"),
+                                                            folder.file("c.laz"), folder.file("set")}));
+    fs::create_directory(folder.file("empty"));
+    const std::vector<std::string> empty = {folder.file("empty")};
+    EXPECT_THROW(point_files(empty), Error);
+}
+
 TEST(Format, SeveralFilesAreOneCloud) {
     const TemporaryFolder folder;
     std::vector<std::string> paths;

@@ -236,13 +236,15 @@ TEST(TemporaryPath, FoldersGoWithAllTheyHold) {
     EXPECT_TRUE(fs::exists(folder.file("set")));
 }
 
-TEST(TemporaryPath, SignalsCanRemoveAllOfThem) {
+TEST(TemporaryPath, TheEndRemovesAllOfThem) {
     const TemporaryFolder folder;
     const TemporaryPath file(folder.file("a"), TemporaryPath::Kind::file);
     const TemporaryPath set(folder.file("b"), TemporaryPath::Kind::folder);
     OutputFile whole(folder.file("c"), false);
     whole.commit();
-    remove_all_temporaries();
+    fs::create_directory(set.path() + "/deeper");
+    std::ofstream(set.path() + "/deeper/part") << "x";
+    EXPECT_EXIT(remove_temporaries_and_exit(7), testing::ExitedWithCode(7), "");
     EXPECT_EQ(entries(folder.path()), 1u);
     EXPECT_TRUE(fs::exists(folder.file("c")));
 }

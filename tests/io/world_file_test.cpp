@@ -10,7 +10,7 @@ namespace strata {
 namespace {
 
 TEST(WorldFile, LinesAreInTheOrderThatGisProgramsRead) {
-    const PictureGeoreference g{.right_step = {0.25, 0}, .down_step = {0, -0.25}, .first_center = {691000.125, 5334999.875}};
+    const PictureGeoreference g{.right_step = {0.25, 0}, .down_step = {-0.0, -0.25}, .first_center = {691000.125, 5334999.875}};
     EXPECT_EQ(world_file_text(g), "0.25\n0\n0\n-0.25\n691000.125\n5334999.875\n");
 }
 

@@ -28,5 +28,8 @@ struct FaultRow {
 
 std::vector<FaultCase> damaged_las(bool full);
 std::vector<FaultCase> odd_las(bool full);
+std::vector<FaultCase> damaged_potree(bool full);
+std::vector<FaultCase> lying_potree(bool full);
+std::vector<FaultCase> adversarial_clouds(bool full);
 
 }  // namespace strata::robust

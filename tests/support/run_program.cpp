@@ -1,11 +1,13 @@
 #include "tests/support/run_program.h"
 
 #include <fcntl.h>
+#include <grp.h>
 #include <poll.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
@@ -58,6 +60,15 @@ ProgramResult run_program(const std::vector<std::string>& words, const ProgramLi
             const rlimit space{limits.address_space_bytes, limits.address_space_bytes};
             ::setrlimit(RLIMIT_AS, &space);
         }
+        if (limits.file_size_bytes > 0) {
+            const rlimit size{limits.file_size_bytes, limits.file_size_bytes};
+            ::setrlimit(RLIMIT_FSIZE, &size);
+        }
+        if (limits.out_path == "-")
+            ::close(STDOUT_FILENO);
+        else if (!limits.out_path.empty())
+            ::dup2(::open(limits.out_path.c_str(), O_WRONLY | O_CLOEXEC), STDOUT_FILENO);
+        if (limits.user != 0 && (::setgroups(0, nullptr) != 0 || ::setgid(limits.user) != 0 || ::setuid(limits.user) != 0)) ::_exit(126);
         ::execv(arguments[0], arguments.data());
         ::_exit(127);
     }
@@ -65,22 +76,37 @@ ProgramResult run_program(const std::vector<std::string>& words, const ProgramLi
     err.close_end(1);
 
     ProgramResult result;
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(limits.seconds);
+    using Clock = std::chrono::steady_clock;
+    const Clock::time_point start = Clock::now();
+    const auto after = [&](double seconds) {
+        return start + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+    };
+    const Clock::time_point deadline = after(limits.seconds);
+    Clock::time_point moment = limits.signal != 0 ? after(limits.signal_after) : Clock::time_point::max();
     pollfd waiting[2] = {{out.ends[0], POLLIN, 0}, {err.ends[0], POLLIN, 0}};
     while (waiting[0].fd >= 0 || waiting[1].fd >= 0) {
-        const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now()).count();
-        if (left <= 0) {
+        const Clock::time_point now = Clock::now();
+        if (now >= moment) {
+            ::kill(child, limits.signal);
+            moment = Clock::time_point::max();
+        }
+        if (now >= deadline) {
             ::kill(child, SIGKILL);
             result.timed_out = true;
             break;
         }
-        if (::poll(waiting, 2, int(left)) < 0 && errno != EINTR) break;
+        const std::chrono::nanoseconds left = std::min(deadline, moment) - now;
+        const timespec pause{.tv_sec = left.count() / 1'000'000'000, .tv_nsec = left.count() % 1'000'000'000};
+        if (::ppoll(waiting, 2, &pause, nullptr) < 0 && errno != EINTR) break;
         if (waiting[0].revents && !drain(waiting[0].fd, result.out)) waiting[0].fd = -1;
         if (waiting[1].revents && !drain(waiting[1].fd, result.err)) waiting[1].fd = -1;
     }
     int status = 0;
-    while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+    rusage usage{};
+    while (::wait4(child, &status, 0, &usage) < 0 && errno == EINTR) {
     }
+    result.seconds = std::chrono::duration<double>(Clock::now() - start).count();
+    result.peak_memory_bytes = uint64_t(usage.ru_maxrss) * 1024;
     if (WIFEXITED(status)) result.exit_code = WEXITSTATUS(status);
     if (WIFSIGNALED(status)) result.signal = WTERMSIG(status);
     return result;

@@ -1,0 +1,118 @@
+// Disks that fill up: small file systems in memory as the target, a limit on the size of files, in a row of steps.
+#include <gtest/gtest.h>
+#include <sys/mount.h>
+
+#include <filesystem>
+
+#include "tests/support/scan_files.h"
+
+namespace strata::robust {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace test;
+
+/// A file system of a few MiB in memory. Only root can make one.
+class SmallDisk {
+public:
+    SmallDisk(const std::string& path, uint64_t bytes) : path_(path) {
+        fs::create_directory(path);
+        mounted_ = ::mount("tmpfs", path.c_str(), "tmpfs", 0, ("size=" + std::to_string(bytes)).c_str()) == 0;
+    }
+    SmallDisk(const SmallDisk&) = delete;
+    SmallDisk& operator=(const SmallDisk&) = delete;
+    ~SmallDisk() {
+        if (mounted_) ::umount2(path_.c_str(), MNT_DETACH);
+    }
+    bool mounted() const { return mounted_; }
+    std::string file(const std::string& name) const { return path_ + "/" + name; }
+
+private:
+    std::string path_;
+    bool mounted_ = false;
+};
+
+class FullDisk : public testing::TestWithParam<const char*> {
+protected:
+    static constexpr int kPoints = 60'000;  // 12 bytes of position and 22 to 26 of attributes: about 2 MB
+
+    void SetUp() override {
+        write_sheet(scan_, kPoints);
+        write_sheet(folder_.file("other.las"), 500);
+        fs::create_directory(folder_.file("whole"));  // the last part of an output's name is in its metadata
+        fs::create_directory(folder_.file("earlier"));
+        ASSERT_EQ(convert(scan_, whole_).exit_code, 0);
+        ASSERT_EQ(convert(folder_.file("other.las"), earlier_).exit_code, 0);
+    }
+    static ProgramResult convert(const std::string& in, const std::string& out, const ProgramLimits& limits = {}) {
+        return run_strata({"convert", in, out, "--quiet", "--overwrite", "--encoding", GetParam()}, limits);
+    }
+
+    const TemporaryFolder folder_;
+    const std::string scan_ = folder_.file("scan.las"), whole_ = folder_.file("whole/out"), earlier_ = folder_.file("earlier/out");
+};
+
+// A step of 64 KiB crosses every file of the output: before, within and after each.
+TEST_P(FullDisk, IsRefusedBeforeTheStartWithPathAndBytes) {
+    int refused = 0, whole = 0;
+    const int steps = full_run() ? 64 : 12;
+    for (int step = 1; step <= steps; ++step) {
+        const uint64_t bytes = uint64_t(step) * (uint64_t{64 * 64} << 10) / uint64_t(steps);
+        const SmallDisk disk(folder_.file("disk" + std::to_string(step)), bytes);
+        if (!disk.mounted()) GTEST_SKIP() << "only root can make a small disk";
+        SCOPED_TRACE("a disk of " + std::to_string(bytes) + " bytes");
+        std::error_code problem;
+        fs::copy(earlier_, disk.file("out"), problem);
+        const bool earlier = !problem && same_potree(disk.file("out"), earlier_);
+        if (!earlier) fs::remove_all(disk.file("out"));
+        const ProgramResult result = convert(scan_, disk.file("out"));
+        if (result.exit_code == 0) {
+            EXPECT_TRUE(same_potree(disk.file("out"), whole_));
+            ++whole;
+        } else {
+            EXPECT_EQ(refusal_verdict(result), "");
+            EXPECT_TRUE(result.err.starts_with("strata: " + disk.file("out") + ": about ")) << result.err;  // refused by the estimate
+            EXPECT_NE(result.err.find("are needed"), std::string::npos) << result.err;
+            if (earlier) EXPECT_TRUE(same_potree(disk.file("out"), earlier_));
+            ++refused;
+        }
+        EXPECT_EQ(entries(disk.file("")), earlier || result.exit_code == 0 ? 1u : 0u);
+    }
+    EXPECT_GT(refused, 0);
+    EXPECT_GT(whole, 0);
+}
+
+// Nothing foretells a limit on the size of files, or a quota: the write fails in the middle.
+TEST_P(FullDisk, FoundWhileWritingNamesPathAndBytes) {
+    fs::copy(earlier_, folder_.file("out"));
+    const uint64_t most = fs::file_size(whole_ + "/octree.bin");
+    const int steps = full_run() ? 64 : 8;
+    for (int step = 0; step < steps; ++step) {
+        const uint64_t bytes = 1 + most * uint64_t(step) / uint64_t(steps);
+        SCOPED_TRACE("files of at most " + std::to_string(bytes) + " bytes");
+        const ProgramResult result = convert(scan_, folder_.file("out"), {.file_size_bytes = bytes});
+        EXPECT_EQ(refusal_verdict(result), "");
+        EXPECT_NE(result.err.find("octree.bin: byte "), std::string::npos) << result.err;
+        EXPECT_NE(result.err.find("File too large"), std::string::npos) << result.err;
+        EXPECT_TRUE(same_potree(folder_.file("out"), earlier_));
+        EXPECT_EQ(entries(folder_.path()), 5u);
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Robust, FullDisk, testing::Values("default", "brotli"), [](const auto& encoding) { return std::string(encoding.param); });
+
+// A disk that holds the estimate and then fills up by someone else's doing is met by the failing calls (ENOSPC); a sample
+// knows its size and reserves it.
+TEST(FullDiskOfASample, IsRefusedBeforeTheStart) {
+    const TemporaryFolder folder;
+    const SmallDisk disk(folder.file("disk"), 1 << 20);
+    if (!disk.mounted()) GTEST_SKIP() << "only root can make a small disk";
+    const ProgramResult result = run_strata({"sample", disk.file("out.las"), "--points", "100000", "--quiet"});
+    EXPECT_EQ(refusal_verdict(result), "");
+    EXPECT_TRUE(result.err.starts_with("strata: " + disk.file("out.las"))) << result.err;
+    EXPECT_NE(result.err.find("bytes needed: No space left"), std::string::npos) << result.err;
+    EXPECT_EQ(entries(disk.file("")), 0u);
+}
+
+}  // namespace
+}  // namespace strata::robust

@@ -1,0 +1,160 @@
+// Outputs that cannot or must not be written: nothing is lost, one line says why.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+
+#include "tests/support/scan_files.h"
+
+namespace strata::robust {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace test;
+
+class OutputInTheWay : public testing::Test {
+protected:
+    void SetUp() override { write_sheet(scan_, 1000); }
+
+    ProgramResult convert(const std::string& out, bool overwrite = true, const ProgramLimits& limits = {}) const {
+        std::vector<std::string> words = {"convert", scan_, out, "--quiet"};
+        if (overwrite) words.push_back("--overwrite");
+        return run_strata(words, limits);
+    }
+    ProgramResult render(const std::string& out, bool overwrite = true) const {
+        std::vector<std::string> words = {"render", scan_, "-o", out, "--quiet", "--size", "64x64", "--edl", "0"};
+        if (overwrite) words.push_back("--overwrite");
+        return run_strata(words);
+    }
+    static void expect_refused(const ProgramResult& result, const std::string& path, const std::string& reason) {
+        EXPECT_EQ(refusal_verdict(result), "");
+        EXPECT_NE(result.err.find(path), std::string::npos) << result.err;
+        EXPECT_NE(result.err.find(reason), std::string::npos) << result.err;
+    }
+    static void write(const std::string& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
+
+    const TemporaryFolder folder_;
+    const std::string scan_ = folder_.file("scan.las");
+};
+
+TEST_F(OutputInTheWay, AnExistingOutputNeedsOverwrite) {
+    const std::string set = folder_.file("set"), picture = folder_.file("a.png"), sample = folder_.file("s.las");
+    ASSERT_EQ(convert(set, false).exit_code, 0);
+    ASSERT_EQ(render(picture, false).exit_code, 0);
+    ASSERT_EQ(run_strata({"sample", sample, "--points", "500", "--quiet"}).exit_code, 0);
+    const std::string earlier = file_contents(set + "/octree.bin") + file_contents(picture) + file_contents(sample);
+    expect_refused(convert(set, false), set, "exists; --overwrite replaces it");
+    expect_refused(render(picture, false), picture, "exists; --overwrite replaces it");
+    expect_refused(run_strata({"sample", sample, "--points", "600", "--quiet"}), sample, "exists; --overwrite replaces it");
+    EXPECT_TRUE(earlier == file_contents(set + "/octree.bin") + file_contents(picture) + file_contents(sample));
+    EXPECT_EQ(convert(set).exit_code, 0);
+    EXPECT_EQ(render(picture).exit_code, 0);
+    EXPECT_EQ(run_strata({"sample", sample, "--points", "600", "--quiet", "--overwrite"}).exit_code, 0);
+    EXPECT_EQ(entries(folder_.path()), 4u);
+}
+
+// --overwrite replaces outputs, not what else a user keeps by that name.
+TEST_F(OutputInTheWay, WhatIsNoOutputOfThatKindIsLeftAlone) {
+    fs::create_directory(folder_.file("photos"));
+    write(folder_.file("photos/one.jpg"), "x");
+    write(folder_.file("notes"), "x");
+    ASSERT_EQ(::mkfifo(folder_.file("fifo").c_str(), 0666), 0);
+    expect_refused(convert(folder_.file("photos")), folder_.file("photos"), "is no earlier output");
+    expect_refused(convert(folder_.file("notes")), folder_.file("notes"), "is no earlier output");
+    expect_refused(convert(folder_.file("fifo")), folder_.file("fifo"), "is no earlier output");
+    expect_refused(render(folder_.file("photos")), folder_.file("photos"), "is a folder");
+    expect_refused(render(folder_.file("fifo")), folder_.file("fifo"), "is no regular file");
+    EXPECT_EQ(file_contents(folder_.file("photos/one.jpg")) + file_contents(folder_.file("notes")), "xx");
+    EXPECT_EQ(entries(folder_.path()), 4u);
+}
+
+TEST_F(OutputInTheWay, AnInputIsNeverTheOutput) {
+    const std::string before = file_contents(scan_);
+    expect_refused(convert(scan_), scan_, "is an input");
+    expect_refused(render(scan_), scan_, "is an input");
+    fs::create_symlink(scan_, folder_.file("link"));
+    expect_refused(render(folder_.file("link")), folder_.file("link"), "is an input");
+    EXPECT_TRUE(before == file_contents(scan_));
+
+    ASSERT_EQ(render(folder_.file("a.png")).exit_code, 0);
+    const std::string picture = file_contents(folder_.file("a.png"));
+    expect_refused(run_strata({"render", scan_, "-o", folder_.file("a.png"), "--reference", folder_.file("a.png"), "--overwrite", "--edl", "0",
+                               "--background", "#ffffff", "--size", "64x64"}),
+                   folder_.file("a.png"), "is an input");
+    EXPECT_TRUE(picture == file_contents(folder_.file("a.png")));
+
+    ASSERT_EQ(convert(folder_.file("set")).exit_code, 0);
+    expect_refused(run_strata({"render", folder_.file("set"), "-o", folder_.file("set/octree.bin"), "--overwrite", "--edl", "0"}),
+                   folder_.file("set/octree.bin"), "is an input");
+    // The scan inside the folder that would be replaced.
+    fs::rename(scan_, folder_.file("set/scan.las"));
+    expect_refused(run_strata({"convert", folder_.file("set/scan.las"), folder_.file("set"), "--overwrite"}), folder_.file("set"),
+                   "lies inside the output");
+    EXPECT_TRUE(before == file_contents(folder_.file("set/scan.las")));
+}
+
+TEST_F(OutputInTheWay, AnOutputInsideTheInputFolderIsFine) {
+    fs::create_directory(folder_.file("scans"));
+    fs::rename(scan_, folder_.file("scans/a.las"));
+    const ProgramResult result = run_strata({"convert", folder_.file("scans"), folder_.file("scans/out"), "--quiet"});
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_EQ(entries(folder_.file("scans")), 2u);
+}
+
+TEST_F(OutputInTheWay, ALinkStandsForWhatItPointsTo) {
+    ASSERT_EQ(convert(folder_.file("real")).exit_code, 0);
+    fs::create_directory_symlink(folder_.file("real"), folder_.file("link"));
+    expect_refused(convert(folder_.file("link"), false), folder_.file("real"), "exists");
+    write_sheet(scan_, 700);
+    EXPECT_EQ(convert(folder_.file("link")).exit_code, 0);
+    EXPECT_TRUE(fs::is_symlink(folder_.file("link")));
+    ASSERT_EQ(convert(folder_.file("fresh")).exit_code, 0);
+    EXPECT_TRUE(file_contents(folder_.file("real/octree.bin")) == file_contents(folder_.file("fresh/octree.bin")));
+    fs::create_symlink(folder_.file("nowhere/set"), folder_.file("dangling"));
+    EXPECT_EQ(refusal_verdict(convert(folder_.file("dangling"))), "");
+}
+
+TEST_F(OutputInTheWay, AFolderThatCannotBeWritten) {
+    fs::create_directory(folder_.file("locked"));
+    expect_refused(convert(folder_.file("missing/out")), folder_.file("missing"), "No such file");
+    expect_refused(render(folder_.file("missing/a.png")), folder_.file("missing"), "No such file");
+    expect_refused(convert(scan_ + "/out"), scan_, "Not a directory");
+    constexpr unsigned kNobody = 65534;
+    if (::getuid() != 0) {
+        ASSERT_EQ(::chmod(folder_.file("locked").c_str(), 0555), 0);
+        expect_refused(convert(folder_.file("locked/out")), folder_.file("locked"), "Permission denied");
+        return;
+    }
+    // Nothing is locked for root: another user meets the lock, where that user may run the program at all.
+    ASSERT_EQ(::chmod(folder_.path().c_str(), 0755), 0);
+    if (run_strata({"--version"}, {.user = kNobody}).exit_code != 0) GTEST_SKIP() << "another user cannot run " STRATA_PROGRAM;
+    expect_refused(convert(folder_.file("locked/out"), true, {.user = kNobody}), folder_.file("locked"), "Permission denied");
+}
+
+// 255 bytes are the longest name; names are bytes, not text.
+TEST_F(OutputInTheWay, NamesOfEveryKind) {
+    const std::string longest(255, 'n'), odd = "\xff\xfe\x80 \"quoted\" \n line";
+    for (const std::string& name : {longest, odd, std::string("-"), std::string("ünïcødé")}) {
+        SCOPED_TRACE(name);
+        const std::string set = folder_.file(name);
+        EXPECT_EQ(convert(set).exit_code, 0);
+        EXPECT_EQ(convert(set).exit_code, 0);
+        const ProgramResult info = run_strata({"info", set, "--exact", "--json"});
+        EXPECT_EQ(info.exit_code, 0) << info.err;
+        fs::remove_all(set);
+        EXPECT_EQ(render(set).exit_code, 0);
+        EXPECT_TRUE(file_contents(set).starts_with("\x89PNG"));
+        fs::remove(set);
+    }
+    EXPECT_EQ(refusal_verdict(convert(folder_.file(longest + "n"))), "");
+    EXPECT_EQ(refusal_verdict(render(folder_.file(longest + "n"))), "");
+    EXPECT_EQ(entries(folder_.path()), 1u);
+    // A message is one line, whatever the name.
+    EXPECT_EQ(refusal_verdict(run_strata({"info", folder_.file(odd)})), "");
+}
+
+}  // namespace
+}  // namespace strata::robust

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <string>
+
+#include "tests/support/run_program.h"
+#include "tests/support/temporary_folder.h"
+
+namespace strata::test {
+
+/// Whether all cases of a table are asked for (STRATA_ROBUST_FULL=1), not the tenth that every build runs.
+bool full_run();
+
+std::string file_contents(const std::string& path);
+
+/// Writes `points` points on a folded sheet, LAS 1.2 point format 3.
+void write_sheet(const std::string& path, int points);
+
+/// Whether two Potree folders hold the same bytes.
+bool same_potree(const std::string& a, const std::string& b);
+
+/// Entries of a folder, of whatever kind.
+size_t entries(const std::string& folder);
+
+/// Empty when the program ended by itself with exit code 1 and one line; else what is wrong.
+std::string refusal_verdict(const ProgramResult& result);
+
+}  // namespace strata::test
