@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <cstring>
 #include <cstdio>
 #include <fstream>
 #include <map>
@@ -192,8 +191,8 @@ inline PotreeFiles make_potree(const PotreeSet& set) {
 }
 
 inline std::unique_ptr<LayeredCloud> open_potree_files(const PotreeFiles& files) {
-    std::vector<std::byte> text(files.metadata.size());
-    std::memcpy(text.data(), files.metadata.data(), text.size());
+    const auto* first = reinterpret_cast<const std::byte*>(files.metadata.data());
+    std::vector<std::byte> text(first, first + files.metadata.size());
     return open_potree(memory_source("set/metadata.json", std::move(text)),
                        memory_source("set/hierarchy.bin", files.hierarchy), memory_source("set/octree.bin", files.octree));
 }

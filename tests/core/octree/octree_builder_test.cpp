@@ -68,6 +68,13 @@ public:
 
 constexpr uint64_t kRoomy = uint64_t{1} << 31;
 
+// Sanitized builds look at a share of the points where the twin takes most of the time; what is built stays the same.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr size_t kTwinStride = 31;
+#else
+constexpr size_t kTwinStride = 1;
+#endif
+
 // Builds and checks what holds for every cloud: each point in exactly one node, inside the node's cube, whose
 // ancestors exist; leaves within their limit unless their points coincide.
 MemorySink build(const MemorySource& source, int threads = 2, uint64_t memory_bytes = kRoomy, ScratchStore* scratch = nullptr) {
@@ -187,17 +194,18 @@ TEST(OctreeBuilder, LevelsAreEvenlySpacedAcrossBorders) {
                                 if (itself || p != q) least = std::min(least, (p - q).cast<double>().norm());
             return least / spacing;
         };
-        double closest = 1e300, farthest = 0.0, beyond = 0.0;
-        for (const Vec3i& p : kept) closest = std::min(closest, nearest(p, false));
-        for (const Vec3i& p : source.positions()) {
-            const double distance = nearest(p - sink.cloud.min_quanta, true);
+        double closest = 1e300, farthest = 0.0, beyond = 0.0, looked_at = 0.0;
+        for (size_t i = 0; i < kept.size(); i += kTwinStride) closest = std::min(closest, nearest(kept[i], false));
+        for (size_t i = 0; i < source.positions().size(); i += kTwinStride) {
+            const double distance = nearest(source.positions()[i] - sink.cloud.min_quanta, true);
             farthest = std::max(farthest, distance);
             beyond += distance > 1.0 + 1e-4;
+            ++looked_at;
         }
         EXPECT_GE(closest, 1.0 - 1e-4) << "level " << level;  // node-relative floats: 2^-24 of 128 spacings, and rounding
         EXPECT_LT(farthest, 1.5 + 1e-4) << "level " << level;
         // Of the 2 x 4 chunk faces, a strip of half a spacing has points in the way; the level above chunks is measured.
-        EXPECT_LT(beyond / double(source.positions().size()), level == 0 ? 0.12 : 0.001) << "level " << level;
+        EXPECT_LT(beyond / looked_at, level == 0 ? 0.12 : 0.001) << "level " << level;
     }
 }
 
