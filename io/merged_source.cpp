@@ -177,6 +177,11 @@ private:
                 const double shift = (info.quantization.offset[axis] - info_.quantization.offset[axis]) / scale;
                 plan.ratio[size_t(axis)] = info.quantization.scale[axis] / scale;
                 plan.shift[size_t(axis)] = plan.ratio[size_t(axis)] == 1.0 ? std::round(shift) : shift;
+                // Where every step lands on a step nothing is rounded but what the double arithmetic of offsets leaves.
+                const double ratio = plan.ratio[size_t(axis)], off_step = std::abs(shift - std::round(shift));
+                const bool whole_steps = ratio == std::round(ratio);
+                const double rounding = (whole_steps ? off_step : 0.5) * scale;
+                if (rounding > 1e-6 * scale) info_.worst_rounding = std::max(info_.worst_rounding, rounding);
             }
         }
     }

@@ -18,6 +18,7 @@ struct CloudInfo {
     uint64_t points = 0;
     Box3d bounds;  // world; as the header states it, so it may lie
     Quantization quantization;
+    double worst_rounding = 0.0;  // world units, an axis: how far bringing several files to one quantization moves points
     std::vector<Attribute> attributes;
     std::vector<std::vector<double>> attribute_min, attribute_max;  // [attribute][component] stored values, as stated; empty: unknown
     std::string crs;  // WKT, or "EPSG:n" from GeoTIFF keys; empty: unknown

@@ -313,7 +313,7 @@ BuildReport build_octree(const PointSource& source, const BuildSettings& setting
     if (report.points_written != report.points_read)
         throw Error(ErrorKind::malformed, "the nodes hold " + std::to_string(report.points_written) + " points, " +
                                               std::to_string(report.points_read) + " were read");
-    if (frame.coarsening_bits > 0) report.worst_rounding = 0.5 * frame.scale.maxCoeff();
+    report.worst_rounding = info.worst_rounding + (frame.coarsening_bits > 0 ? 0.5 * frame.scale.maxCoeff() : 0.0);
     report.levels = int(report.points_per_level.size());
     sink.finish();
     return report;

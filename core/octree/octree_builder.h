@@ -33,7 +33,7 @@ struct BuildReport {
     int levels = 0;
     std::vector<uint64_t> points_per_level;
     uint64_t temporary_bytes = 0;
-    double worst_rounding = 0.0;  // world units, an axis; 0 unless the extent takes more than 31 bits of quanta
+    double worst_rounding = 0.0;  // world units, an axis: of the source, and where the extent takes more than 31 bits of quanta
 };
 
 /// What a build will take, known from the number of points and their attributes alone.

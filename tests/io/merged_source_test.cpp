@@ -40,6 +40,7 @@ TEST(MergedSource, EqualScalesShiftByWholeQuanta) {
     EXPECT_EQ(points.x, (std::vector<int32_t>{5, 100'000 - 7}));
     EXPECT_EQ(points.y, (std::vector<int32_t>{INT32_MIN, INT32_MAX}));
     EXPECT_EQ(points.z, (std::vector<int32_t>{INT32_MAX, INT32_MIN}));
+    EXPECT_EQ(merged->info().worst_rounding, 0.0);
 }
 
 TEST(MergedSource, TheFinestScaleWins) {
@@ -54,6 +55,7 @@ TEST(MergedSource, TheFinestScaleWins) {
     EXPECT_EQ(points.z[0], 123);
     // Within half a quantum of 0.1235 m.
     EXPECT_NEAR(points.x[1] * 0.001, 0.1235, 0.0005 + 1e-12);
+    EXPECT_NEAR(merged->info().worst_rounding, 0.0005, 1e-12);  // the second file's offset lies half a step off
 }
 
 TEST(MergedSource, FilesFarApartMoveTheOffset) {

@@ -58,25 +58,24 @@ TEST_F(OutputInTheWay, AnExistingOutputNeedsOverwrite) {
 
 // --overwrite replaces outputs, not what else a user keeps by that name.
 TEST_F(OutputInTheWay, WhatIsNoOutputOfThatKindIsLeftAlone) {
-    fs::create_directory(folder_.file("photos"));
-    write(folder_.file("photos/one.jpg"), "x");
+    fs::create_directory(folder_.file("photos.png"));
+    write(folder_.file("photos.png/one.jpg"), "x");
     write(folder_.file("notes"), "x");
-    ASSERT_EQ(::mkfifo(folder_.file("fifo").c_str(), 0666), 0);
-    expect_refused(convert(folder_.file("photos")), folder_.file("photos"), "is no earlier output");
+    ASSERT_EQ(::mkfifo(folder_.file("fifo.png").c_str(), 0666), 0);
+    expect_refused(convert(folder_.file("photos.png")), folder_.file("photos.png"), "is no earlier output");
     expect_refused(convert(folder_.file("notes")), folder_.file("notes"), "is no earlier output");
-    expect_refused(convert(folder_.file("fifo")), folder_.file("fifo"), "is no earlier output");
-    expect_refused(render(folder_.file("photos")), folder_.file("photos"), "is a folder");
-    expect_refused(render(folder_.file("fifo")), folder_.file("fifo"), "is no regular file");
-    EXPECT_EQ(file_contents(folder_.file("photos/one.jpg")) + file_contents(folder_.file("notes")), "xx");
+    expect_refused(convert(folder_.file("fifo.png")), folder_.file("fifo.png"), "is no earlier output");
+    expect_refused(render(folder_.file("photos.png")), folder_.file("photos.png"), "is a folder");
+    expect_refused(render(folder_.file("fifo.png")), folder_.file("fifo.png"), "is no regular file");
+    EXPECT_EQ(file_contents(folder_.file("photos.png/one.jpg")) + file_contents(folder_.file("notes")), "xx");
     EXPECT_EQ(entries(folder_.path()), 4u);
 }
 
 TEST_F(OutputInTheWay, AnInputIsNeverTheOutput) {
     const std::string before = file_contents(scan_);
     expect_refused(convert(scan_), scan_, "is an input");
-    expect_refused(render(scan_), scan_, "is an input");
-    fs::create_symlink(scan_, folder_.file("link"));
-    expect_refused(render(folder_.file("link")), folder_.file("link"), "is an input");
+    fs::create_symlink(scan_, folder_.file("link.png"));
+    expect_refused(render(folder_.file("link.png")), folder_.file("link.png"), "is an input");
     EXPECT_TRUE(before == file_contents(scan_));
 
     ASSERT_EQ(render(folder_.file("a.png")).exit_code, 0);
@@ -87,8 +86,9 @@ TEST_F(OutputInTheWay, AnInputIsNeverTheOutput) {
     EXPECT_TRUE(picture == file_contents(folder_.file("a.png")));
 
     ASSERT_EQ(convert(folder_.file("set")).exit_code, 0);
-    expect_refused(run_strata({"render", folder_.file("set"), "-o", folder_.file("set/octree.bin"), "--overwrite", "--edl", "0"}),
-                   folder_.file("set/octree.bin"), "is an input");
+    fs::create_symlink(folder_.file("set/octree.bin"), folder_.file("points.png"));
+    expect_refused(run_strata({"render", folder_.file("set"), "-o", folder_.file("points.png"), "--overwrite", "--edl", "0"}),
+                   folder_.file("points.png"), "is an input");
     // The scan inside the folder that would be replaced.
     fs::rename(scan_, folder_.file("set/scan.las"));
     expect_refused(run_strata({"convert", folder_.file("set/scan.las"), folder_.file("set"), "--overwrite"}), folder_.file("set"),
@@ -145,12 +145,13 @@ TEST_F(OutputInTheWay, NamesOfEveryKind) {
         const ProgramResult info = run_strata({"info", set, "--exact", "--json"});
         EXPECT_EQ(info.exit_code, 0) << info.err;
         fs::remove_all(set);
-        EXPECT_EQ(render(set).exit_code, 0);
-        EXPECT_TRUE(file_contents(set).starts_with("\x89PNG"));
-        fs::remove(set);
+        const std::string picture = folder_.file(name.substr(0, 251) + ".png");
+        EXPECT_EQ(render(picture).exit_code, 0);
+        EXPECT_TRUE(file_contents(picture).starts_with("\x89PNG"));
+        fs::remove(picture);
     }
     EXPECT_EQ(refusal_verdict(convert(folder_.file(longest + "n"))), "");
-    EXPECT_EQ(refusal_verdict(render(folder_.file(longest + "n"))), "");
+    EXPECT_EQ(refusal_verdict(render(folder_.file(longest + ".png"))), "");
     EXPECT_EQ(entries(folder_.path()), 1u);
     // A message is one line, whatever the name.
     EXPECT_EQ(refusal_verdict(run_strata({"info", folder_.file(odd)})), "");
