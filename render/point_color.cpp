@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cassert>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -19,33 +18,24 @@ constexpr uint64_t kSamplePoints = 100'000;  // percentiles of so many are good 
 constexpr size_t kSampleNodes = 64;
 
 struct NamedMode {
-    std::string_view name;
-    std::string_view attribute;  // empty: none
+    std::string_view name;  // of the attribute, where the rule shows one
     ColorChannel::Rule rule;
     std::string_view colormap;
 };
 
 using Rule = ColorChannel::Rule;
 constexpr NamedMode kModes[] = {
-    {"rgb", attribute_name::kRgb, Rule::rgb, ""},
-    {"intensity", attribute_name::kIntensity, Rule::ramp, "gray"},
-    {"elevation", "", Rule::elevation, "fjord"},
-    {"classification", attribute_name::kClassification, Rule::classification, ""},
-    {"return", attribute_name::kReturnNumber, Rule::category, ""},
-    {"return number", attribute_name::kReturnNumber, Rule::category, ""},
-    {"number of returns", attribute_name::kNumberOfReturns, Rule::category, ""},
-    {"gps-time", attribute_name::kGpsTime, Rule::ramp, "fjord"},
-    {"source", attribute_name::kPointSourceId, Rule::category, ""},
-    {"point source id", attribute_name::kPointSourceId, Rule::category, ""},
-    {"user data", attribute_name::kUserData, Rule::category, ""},
-    {"lod", "", Rule::level, ""},
+    {attribute_name::kRgb, Rule::rgb, ""},
+    {attribute_name::kIntensity, Rule::ramp, "gray"},
+    {"elevation", Rule::elevation, "fjord"},
+    {attribute_name::kClassification, Rule::classification, ""},
+    {attribute_name::kReturnNumber, Rule::category, ""},
+    {attribute_name::kNumberOfReturns, Rule::category, ""},
+    {attribute_name::kGpsTime, Rule::ramp, "fjord"},
+    {attribute_name::kPointSourceId, Rule::category, ""},
+    {attribute_name::kUserData, Rule::category, ""},
+    {"lod", Rule::level, ""},
 };
-
-std::string attribute_list(const CloudInfo& info) {
-    std::string list = "elevation, lod";
-    for (const Attribute& attribute : info.attributes) list += ", " + attribute.name;
-    return list;
-}
 
 // Calls visit with a value of the C++ type that `type` stands for.
 template <typename Visit>
@@ -64,33 +54,13 @@ void with_scalar(ScalarType type, const Visit& visit) {
     }
 }
 
-// "NAME[2]" in two; component -1 when there is none.
-std::pair<std::string_view, int> split_component(std::string_view name) {
-    const size_t bracket = name.rfind('[');
-    if (bracket == std::string_view::npos || bracket == 0 || name.back() != ']') return {name, -1};
-    int component = -1;
-    const char* last = name.data() + name.size() - 1;
-    const auto [stop, error] = std::from_chars(name.data() + bracket + 1, last, component);
-    if (error != std::errc() || stop != last || component < 0) return {name, -1};
-    return {name.substr(0, bracket), component};
-}
-
-ColorChannel attribute_channel(const CloudInfo& info, std::string_view text) {
-    ColorChannel channel{.name = std::string(text), .rule = Rule::ramp};
-    auto [name, component] = split_component(text);
-    channel.attribute = find_attribute(info.attributes, text);  // a name may end in brackets itself
-    if (channel.attribute >= 0) component = -1;
-    else channel.attribute = find_attribute(info.attributes, name);
-    if (channel.attribute < 0)
-        throw Error(ErrorKind::usage, "color '" + std::string(text) + "': the cloud has only " + attribute_list(info));
-    const int components = info.attributes[size_t(channel.attribute)].components;
-    if (component < 0 && components > 1)
-        throw Error(ErrorKind::usage, "color '" + std::string(text) + "': has " + std::to_string(components) +
-                                          " components; choose one, as " + std::string(text) + "[0]");
-    if (component >= components)
-        throw Error(ErrorKind::usage, "color '" + std::string(text) + "': components are 0 to " + std::to_string(components - 1));
-    channel.component = std::max(component, 0);
-    return channel;
+ColorChannel attribute_channel(const CloudInfo& info, std::string_view name) {
+    try {
+        const auto [attribute, component] = find_component(info.attributes, name, "elevation, lod");
+        return {.name = std::string(name), .rule = Rule::ramp, .attribute = attribute, .component = component};
+    } catch (const Error& error) {
+        throw error.within("color");
+    }
 }
 
 double full_scale(ScalarType type) {
@@ -143,12 +113,13 @@ std::string_view default_color(const CloudInfo& info) {
 }
 
 ColorChannel find_color_channel(const CloudInfo& info, std::string_view name) {
+    const std::string_view full_name = full_attribute_name(name);
     for (const NamedMode& mode : kModes) {
-        if (mode.name != name) continue;
+        if (mode.name != full_name) continue;
         ColorChannel channel{.name = std::string(name), .rule = mode.rule};
         if (!mode.colormap.empty()) channel.default_colormap = mode.colormap;
-        if (mode.attribute.empty()) return channel;
-        channel.attribute = find_attribute(info.attributes, mode.attribute);
+        if (mode.rule == Rule::elevation || mode.rule == Rule::level) return channel;
+        channel.attribute = find_attribute(info.attributes, full_name);
         if (channel.attribute < 0) break;
         const bool colors = info.attributes[size_t(channel.attribute)].components == 3;
         if (channel.rule == Rule::rgb && !colors) break;

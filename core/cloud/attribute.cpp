@@ -1,6 +1,9 @@
 #include "core/cloud/attribute.h"
 
+#include <charconv>
 #include <cstring>
+
+#include "core/error.h"
 
 namespace strata {
 namespace {
@@ -10,6 +13,17 @@ double load_as_double(const std::byte* bytes) {
     T value;
     std::memcpy(&value, bytes, sizeof value);
     return double(value);
+}
+
+// "NAME[2]" in two; component -1 when there is none.
+std::pair<std::string_view, int> split_component(std::string_view name) {
+    const size_t bracket = name.rfind('[');
+    if (bracket == std::string_view::npos || bracket == 0 || name.back() != ']') return {name, -1};
+    int component = -1;
+    const char* last = name.data() + name.size() - 1;
+    const auto [stop, error] = std::from_chars(name.data() + bracket + 1, last, component);
+    if (error != std::errc() || stop != last || component < 0) return {name, -1};
+    return {name.substr(0, bracket), component};
 }
 
 }  // namespace
@@ -66,6 +80,38 @@ int find_attribute(const std::vector<Attribute>& attributes, std::string_view na
     for (size_t i = 0; i < attributes.size(); ++i)
         if (attributes[i].name == name) return int(i);
     return -1;
+}
+
+std::string_view full_attribute_name(std::string_view name) {
+    if (name == "class") return attribute_name::kClassification;
+    if (name == "return") return attribute_name::kReturnNumber;
+    if (name == "source") return attribute_name::kPointSourceId;
+    return name;
+}
+
+AttributeComponent find_component(const std::vector<Attribute>& attributes, std::string_view name, std::string_view others) {
+    const std::string quoted = "'" + std::string(name) + "'";
+    // A name may end in brackets itself, and a cloud may have an attribute by the name that is short for another.
+    int plain = find_attribute(attributes, name);
+    if (plain < 0) plain = find_attribute(attributes, full_attribute_name(name));
+    if (plain >= 0) {
+        const int components = attributes[size_t(plain)].components;
+        if (components > 1)
+            throw Error(ErrorKind::usage, quoted + " has " + std::to_string(components) + " components; choose one, as " +
+                                              std::string(name) + "[0]");
+        return {.attribute = plain};
+    }
+    const auto [base, component] = split_component(name);
+    const int attribute = component < 0 ? -1 : find_attribute(attributes, full_attribute_name(base));
+    if (attribute < 0) {
+        std::string list(others);
+        for (const Attribute& known : attributes) list += (list.empty() ? "" : ", ") + known.name;
+        throw Error(ErrorKind::usage, quoted + ": the cloud has only " + list);
+    }
+    if (component >= attributes[size_t(attribute)].components)
+        throw Error(ErrorKind::usage,
+                    quoted + ": components are 0 to " + std::to_string(attributes[size_t(attribute)].components - 1));
+    return {attribute, component};
 }
 
 }  // namespace strata

@@ -51,4 +51,17 @@ inline constexpr std::string_view kNearInfrared = "nir";
 /// Index of the attribute of that name, or -1.
 int find_attribute(const std::vector<Attribute>& attributes, std::string_view name);
 
+/// The attribute that a short name of the command line stands for ("class", "return", "source"); other names as they are.
+std::string_view full_attribute_name(std::string_view name);
+
+struct AttributeComponent {
+    int attribute = -1;  // index
+    int component = 0;
+};
+
+/// Finds what a user names: an attribute, by its own or a short name, or as NAME[1] a component of one that has several.
+/// others  what else may be named there, for the message
+/// throws  Error{usage}: there is no such attribute, and these are there; or a component must be chosen
+AttributeComponent find_component(const std::vector<Attribute>& attributes, std::string_view name, std::string_view others);
+
 }  // namespace strata
