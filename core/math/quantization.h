@@ -13,4 +13,10 @@ struct Quantization {
     bool operator==(const Quantization& other) const { return scale == other.scale && offset == other.offset; }
 };
 
+/// The least whole q with q * scale + offset >= value, and the greatest with <= value, for a positive scale. A value that
+/// only the rounding of these doubles keeps from a whole q is on it, so that a limit typed as a point's coordinate holds
+/// that point whatever the offset. Infinite values give themselves.
+double first_quantum_from(double value, double scale, double offset);
+double last_quantum_to(double value, double scale, double offset);
+
 }  // namespace strata
