@@ -9,12 +9,14 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "render/gl/egl_context.h"
+#include "render/stream/point_cut.h"
 
 namespace strata {
 namespace {
 
 constexpr uint64_t kPixelBytes = 48;    // word, G-buffer, finished row, and the pass's textures on software GL
 constexpr uint64_t kPointBytes = 16;    // resident: position and color
+constexpr uint64_t kCutPointBytes = 20; // of the copy that is drawn of nodes that are cut: the same and an index
 constexpr uint64_t kStripPixels = 8 << 20;
 
 // Adds the time since the last call to a row of the report.
@@ -56,8 +58,28 @@ std::pair<float, float> row_range(const Camera& camera, uint32_t height_px, cons
     return {float(top - margin_px), float(bottom + margin_px)};
 }
 
+// Copies of the nodes that filter or clip boxes cut, by slot; empty for nodes that are whole.
+std::vector<std::optional<CutNode>> cut_nodes(std::span<const ResidentNode> points, const ClipRegion& clip, int threads) {
+    std::vector<std::optional<CutNode>> cut(points.size());
+    parallel_blocks(threads, points.size(), 1, [&](size_t begin, size_t end) {
+        for (size_t slot = begin; slot < end; ++slot)
+            if (coverage(points[slot], clip) != Coverage::whole) cut[slot] = cut_node(points[slot], clip);
+    });
+    return cut;
+}
+
+// Indices in the nodes that were drawn become those in the nodes that are stored.
+void restore_indices(std::span<PixelId> ids, std::span<const std::optional<CutNode>> cut) {
+    for (PixelId& id : ids) {
+        if (id == kNoPixelId) continue;
+        const uint32_t slot = uint32_t(id >> 32);
+        if (cut[slot]) id = make_pixel_id(slot, cut[slot]->indices[uint32_t(id)]);
+    }
+}
+
 std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
                                   std::span<const NodeId> ids, std::span<const ResidentNode> points,
+                                  std::span<const std::optional<CutNode>> cut,
                                   std::span<const std::unique_ptr<SpacingGrid>> grids) {
     // The widest splat reaches half its width beyond its point; two more rows cover rounding.
     const double margin_px = 0.5 * settings.splat.widest_px() + 2.0;
@@ -65,10 +87,10 @@ std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camer
     uint64_t rank = 0;
     for (size_t slot = 0; slot < ids.size(); ++slot) {
         PointNode& node = nodes[slot];
-        node.points = &points[slot];
+        node.points = cut[slot] ? &cut[slot]->points : &points[slot];
         node.spacing = grids.empty() ? nullptr : grids[slot].get();
         node.first_rank = uint32_t(rank);
-        rank += points[slot].size();
+        rank += node.points->size();
         std::tie(node.top_row, node.bottom_row) = row_range(camera, settings.height, cloud.node(ids[slot]).bounds, margin_px);
     }
     if (rank >= std::numeric_limits<uint32_t>::max())
@@ -120,9 +142,14 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     const int reach = edl_reach_px(settings);
     SelectionSettings selection_settings = settings.selection;
     const uint64_t strip_bytes = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach)) * kPixelBytes;
-    selection_settings.memory_points =
-        std::min<uint64_t>((settings.memory_bytes - std::min(settings.memory_bytes, strip_bytes)) / kPointBytes, 0xfffffffeu);
-    const Selection selection = select_nodes(cloud, camera, settings.width, settings.height, selection_settings);
+    const ClipRegion clip(settings.clips, cloud.info().quantization);
+    selection_settings.memory_bytes = settings.memory_bytes - std::min(settings.memory_bytes, strip_bytes);
+    // With a filter every node is copied, as those are that a clip box cuts.
+    selection_settings.point_bytes = kPointBytes + (settings.filter.everything() ? 0 : 1 + kCutPointBytes);
+    selection_settings.cut_point_bytes = settings.filter.everything() ? kCutPointBytes : 0;
+    selection_settings.clip = &clip;
+    const Selection selection = settings.filter.nothing() ? Selection()
+                                                          : select_nodes(cloud, camera, settings.width, settings.height, selection_settings);
     report.nodes_drawn = selection.nodes.size();
     report.error_px = selection.error_px;
     report.bound_by = selection.bound_by;
@@ -132,12 +159,14 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
                              : settings.color.needs_range() ? derive_range(cloud, settings.color)
                                                             : ColorRange{};
     const PointColorizer colors(cloud.info(), settings.color, range, settings.colormap);
-    const std::vector<ResidentNode> points = load_nodes(cloud, selection.nodes, colors, settings.threads, report.failures);
+    const std::vector<ResidentNode> points = load_nodes(cloud, selection.nodes, colors, settings.filter, settings.threads, report.failures);
     std::vector<std::unique_ptr<SpacingGrid>> grids;
     if (settings.splat.fixed_px <= 0.0f) grids = build_spacing_grids(cloud, selection.nodes, points);
-    const std::vector<PointNode> nodes = list_nodes(cloud, camera, settings, selection.nodes, points, grids);
-    for (const ResidentNode& node : points) report.points_drawn += node.size();
     watch.lap("load");
+    const std::vector<std::optional<CutNode>> cut = cut_nodes(points, clip, settings.threads);
+    const std::vector<PointNode> nodes = list_nodes(cloud, camera, settings, selection.nodes, points, cut, grids);
+    for (const PointNode& node : nodes) report.points_drawn += node.points->size();
+    watch.lap("cut");
 
     if (reach > 0 && !gl_) {
         gl_ = std::make_unique<Gl>(settings.threads);
@@ -158,6 +187,7 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
             watch.lap("points");
             const ResolveOptions wanted = {.splat_px = reach > 0 && settings.edl.follow_splats, .ids = settings.with_ids};
             pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
+            restore_indices(gbuffer.ids, cut);
             watch.lap("resolve");
         }
         const size_t skip = size_t(above) * settings.width, count = size_t(rows) * settings.width;

@@ -25,7 +25,9 @@ struct RenderSettings {
     std::string colormap;              // empty: the channel's own
     std::optional<ColorRange> range;   // none: derived from the cloud
     SplatStyle splat;
-    SelectionSettings selection;       // memory_points is set by render_frame
+    SelectionSettings selection;       // what concerns memory and clip is set by render_frame
+    std::vector<ClipBox> clips;
+    PointFilter filter;                // made for the cloud
     EdlSettings edl;
     Rgba8 background = make_rgba(24, 28, 36);  // alpha 0: transparent
     bool with_ids = false;

@@ -47,21 +47,34 @@ Selection select_nodes(LayeredCloud& cloud, const Camera& camera, uint32_t width
         return error * pixels_per_unit(camera, least_depth(camera, aspect, box), height_px);
     };
 
+    const auto coverage = [&](const LayeredNode& node) {
+        return settings.clip == nullptr ? Coverage::whole : settings.clip->coverage(node.bounds);
+    };
+    const auto visible = [&](const LayeredNode& node) {
+        return frustum.intersects(node.bounds) && coverage(node) != Coverage::none;
+    };
+    // How near a node is counts as if nothing were cut: so the points that are left keep their sizes.
     std::priority_queue<Candidate> queue;
-    if (frustum.intersects(cloud.node(cloud.root()).bounds))
+    if (visible(cloud.node(cloud.root())))
         queue.push({std::numeric_limits<double>::infinity(), cloud.node(cloud.root()).key, cloud.root()});
-    const uint64_t most_points = std::min(settings.point_budget, settings.memory_points);
+    uint64_t used_bytes = 0;
     while (!queue.empty()) {
         const Candidate next = queue.top();
         queue.pop();
-        const uint64_t points = cloud.node(next.id).points;
+        const LayeredNode& chosen = cloud.node(next.id);
+        const uint64_t point_bytes =
+            settings.point_bytes + (coverage(chosen) == Coverage::part ? settings.cut_point_bytes : 0);
+        const uint64_t bytes = settings.node_bytes + chosen.points * point_bytes;
+        const bool over_budget = chosen.points > settings.point_budget - std::min(settings.point_budget, selection.points);
+        const bool over_memory = bytes > settings.memory_bytes - std::min(settings.memory_bytes, used_bytes);
         // The root is always drawn: a picture of nothing answers no question.
-        if (!selection.nodes.empty() && points > most_points - std::min(most_points, selection.points)) {
-            selection.bound_by = settings.memory_points < settings.point_budget ? BoundBy::memory : BoundBy::budget;
+        if (!selection.nodes.empty() && (over_budget || over_memory)) {
+            selection.bound_by = over_memory ? BoundBy::memory : BoundBy::budget;
             selection.error_px = std::max(selection.error_px, next.error_px);
             break;
         }
-        selection.points += points;
+        selection.points += chosen.points;
+        used_bytes += bytes;
         selection.nodes.push_back(next.id);
         const double error = cloud.node(next.id).error;
         const double own_error_px = projected(error, cloud.node(next.id).bounds);
@@ -73,7 +86,7 @@ Selection select_nodes(LayeredCloud& cloud, const Camera& camera, uint32_t width
         const LayeredNode& node = cloud.node(next.id);
         for (NodeId child = node.first_child; child < node.first_child + node.child_count; ++child) {
             const LayeredNode& child_node = cloud.node(child);
-            if (!frustum.intersects(child_node.bounds)) continue;
+            if (!visible(child_node)) continue;
             const double error_px = projected(error, child_node.bounds);
             if (error_px > settings.error_px)
                 queue.push({error_px, child_node.key, child});

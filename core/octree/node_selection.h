@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/cloud/clip_box.h"
 #include "core/math/camera.h"
 #include "core/octree/layered_cloud.h"
 
@@ -11,7 +12,9 @@ namespace strata {
 struct SelectionSettings {
     double error_px = 1.0;             // refine until what is left out lies within this many pixels of a drawn point
     uint64_t point_budget = 20'000'000;
-    uint64_t memory_points = ~uint64_t{0};  // what the memory cap has room for
+    uint64_t memory_bytes = ~uint64_t{0};  // that the drawn nodes may take
+    uint64_t node_bytes = 0, point_bytes = 1, cut_point_bytes = 0;  // what they take; the last in nodes that are cut in part
+    const ClipRegion* clip = nullptr;  // nodes that it leaves nothing of are neither drawn nor refined
 };
 
 /// What stopped the refinement of a view.
@@ -20,7 +23,7 @@ enum class BoundBy { error, budget, memory };
 /// The nodes to draw for a view.
 struct Selection {
     std::vector<NodeId> nodes;  // ascending by key; parents always come with their children
-    uint64_t points = 0;
+    uint64_t points = 0;    // of the nodes; at most so many are drawn after cutting
     double error_px = 0.0;  // bound reached: no point in sight is farther from a drawn one, as projected
     BoundBy bound_by = BoundBy::error;
 };

@@ -77,7 +77,10 @@ double measure_spacing(std::span<const int32_t> x, std::span<const int32_t> y, s
 }
 
 std::vector<ResidentNode> load_nodes(const LayeredCloud& cloud, std::span<const NodeId> nodes, const PointColorizer& colors,
-                                     int threads, LoadFailures& failures) {
+                                     const PointFilter& filter, int threads, LoadFailures& failures) {
+    std::vector<int> wanted(colors.wanted().begin(), colors.wanted().end());
+    for (const int attribute : filter.wanted())
+        if (std::find(wanted.begin(), wanted.end(), attribute) == wanted.end()) wanted.push_back(attribute);
     std::vector<ResidentNode> loaded(nodes.size());
     size_t first_failed = nodes.size();
     std::mutex failures_mutex;
@@ -86,7 +89,7 @@ std::vector<ResidentNode> load_nodes(const LayeredCloud& cloud, std::span<const 
         for (size_t i = begin; i < end; ++i) {
             ResidentNode& node = loaded[i];
             try {
-                cloud.read_node(nodes[i], colors.wanted(), batch);
+                cloud.read_node(nodes[i], wanted, batch);
             } catch (const Error& error) {
                 const std::lock_guard lock(failures_mutex);
                 ++failures.count;
@@ -98,6 +101,10 @@ std::vector<ResidentNode> load_nodes(const LayeredCloud& cloud, std::span<const 
             }
             node.colors.resize(batch.size);
             colors.color(batch, cloud.node(nodes[i]).key.level, node.colors);
+            if (!filter.everything()) {
+                node.passes.assign(batch.size, 1);
+                filter.test(batch, cloud.node(nodes[i]).key.level, node.passes);
+            }
             node.x = std::move(batch.x);
             node.y = std::move(batch.y);
             node.z = std::move(batch.z);

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/cloud/point_filter.h"
 #include "core/octree/layered_cloud.h"
 #include "render/point_color.h"
 #include "render/stream/resident_node.h"
@@ -17,10 +18,10 @@ struct LoadFailures {
     std::string first;  // of the lowest slot, whatever the threads
 };
 
-/// Reads, decodes and colors nodes, several at a time. What a cache that outlives the frame will replace.
+/// Reads, decodes, colors and filters nodes, several at a time. What a cache that outlives the frame will replace.
 /// returns  one entry a node, in the given order; empty where reading failed
 std::vector<ResidentNode> load_nodes(const LayeredCloud& cloud, std::span<const NodeId> nodes, const PointColorizer& colors,
-                                     int threads, LoadFailures& failures);
+                                     const PointFilter& filter, int threads, LoadFailures& failures);
 
 /// How far points lie apart on the surface that they sample, from the number of cells they occupy in grids of several
 /// sizes. 0 for less than two distinct points.

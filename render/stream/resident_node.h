@@ -10,11 +10,12 @@
 
 namespace strata {
 
-/// The points of one node, ready to draw. 16 bytes a point.
+/// The points of one node, ready to draw or to be cut. 16 bytes a point, one more with a filter.
 struct ResidentNode {
     std::vector<int32_t> x, y, z;  // quanta of the cloud
     std::vector<Rgba8> colors;
     Vec3i min_quanta = Vec3i::Zero(), max_quanta = Vec3i::Zero();  // of the points
+    std::vector<uint8_t> passes;   // the filter; empty: all pass
     float spacing = 0.0f;  // world units: how far its points lie apart, with those of its ancestors
 
     size_t size() const { return x.size(); }

@@ -40,6 +40,7 @@ struct Frame {
     RenderReport report;
     std::vector<Rgba8> colors;
     std::vector<float> depths;
+    std::vector<PixelId> ids;
 };
 
 Frame render(TestCloud& cloud, const Camera& camera, const RenderSettings& settings) {
@@ -49,6 +50,7 @@ Frame render(TestCloud& cloud, const Camera& camera, const RenderSettings& setti
         EXPECT_EQ(size_t(rows.first_row) * settings.width, frame.colors.size());
         frame.colors.insert(frame.colors.end(), rows.colors.begin(), rows.colors.end());
         frame.depths.insert(frame.depths.end(), rows.depths.begin(), rows.depths.end());
+        frame.ids.insert(frame.ids.end(), rows.ids.begin(), rows.ids.end());
     });
     return frame;
 }
@@ -164,6 +166,48 @@ TEST(Renderer, AbsurdRequestsAreRefused) {
     Camera camera;
     camera.eye.x() = std::nan("");
     EXPECT_THROW(render(cloud, camera, settings), Error);
+}
+
+// Cutting takes pixels away and leaves those of the points that are left as they were: color, depth, size, and the
+// identity of the point.
+TEST(Renderer, CutsTakePointsAwayAndChangeNoOther) {
+    TestCloud cloud = hill_cloud();
+    RenderSettings settings = settings_of(cloud);
+    settings.edl.strength = 0.0f;
+    settings.with_ids = true;
+    for (const float fixed_px : {1.0f, 0.0f}) {
+        settings.splat.fixed_px = fixed_px;
+        const Camera camera = view_of(cloud, "top", Projection::orthographic, 0.8, settings);
+        const Frame whole = render(cloud, camera, settings);
+        RenderSettings cut_settings = settings;
+        const Vec3d offset = cloud.cloud_info.quantization.offset;
+        cut_settings.clips = {{.box = {.min = offset + Vec3d(-1, -1, -10), .max = offset + Vec3d(60, 100, 2)}},
+                              {.box = {.min = offset + Vec3d(5, 5, -10), .max = offset + Vec3d(30, 30, 40)}, .action = ClipBox::Action::remove}};
+        cut_settings.filter = PointFilter(cloud.info(), std::vector<FilterTerm>{{"rgb[0]", {{0, 40000}}}});
+        const Frame cut = render(cloud, camera, cut_settings);
+
+        // What is left, by the test's own arithmetic.
+        std::vector<bool> left;
+        PointBatch batch;
+        const int wanted[] = {0};
+        cloud.read_node(0, wanted, batch);
+        for (size_t i = 0; i < batch.size; ++i) {
+            const Vec3i p(batch.x[i], batch.y[i], batch.z[i]);
+            const bool removed = (p.array() >= Vec3i(5000, 5000, -10000).array()).all() && (p.array() <= Vec3i(30000, 30000, 40000).array()).all();
+            left.push_back(p.x() <= 60000 && p.z() <= 2000 && !removed && batch.column<uint16_t>(0)[3 * i] <= 40000);
+        }
+        EXPECT_EQ(cut.report.points_drawn, size_t(std::count(left.begin(), left.end(), true)));
+        size_t same = 0;
+        for (size_t i = 0; i < whole.ids.size(); ++i) {
+            if (cut.ids[i] != kNoPixelId) ASSERT_TRUE(left[uint32_t(cut.ids[i])]);
+            if (whole.ids[i] == kNoPixelId || !left[uint32_t(whole.ids[i])]) continue;
+            ++same;  // it was on top of all, so it is still
+            EXPECT_EQ(cut.ids[i], whole.ids[i]);
+            EXPECT_EQ(cut.colors[i], whole.colors[i]);
+            EXPECT_EQ(cut.depths[i], whole.depths[i]);
+        }
+        EXPECT_GT(same, 3000u);
+    }
 }
 
 // An empty cloud makes an empty picture.

@@ -51,7 +51,7 @@ TEST(NodeSelection, KeepsTheBudgetAndSaysWhatItCost) {
         EXPECT_DOUBLE_EQ(selection.error_px, budget < 90 ? 4.0 : 2.0) << budget;
     }
     const Selection selection =
-        select_nodes(cloud, top_camera(kSize, 4), kSize, kSize, {.error_px = 1.0, .point_budget = 600, .memory_points = 500});
+        select_nodes(cloud, top_camera(kSize, 4), kSize, kSize, {.error_px = 1.0, .point_budget = 600, .memory_bytes = 500});
     EXPECT_EQ(selection.bound_by, BoundBy::memory);
     EXPECT_EQ(selection.points, 500u);
 }
@@ -85,6 +85,42 @@ TEST(NodeSelection, LoadsHierarchyOnlyWhereItGoes) {
     for (TestCloud::Node& entry : cloud.nodes) entry.node.children_pending = entry.node.child_count > 0;
     select_nodes(cloud, top_camera(kSize, 2), kSize, kSize, {.error_px = 1.0});
     EXPECT_EQ(cloud.loads, 1u);  // 2 px at the root, 1 px at its children
+}
+
+// Nodes that a clip box leaves nothing of are not drawn, not counted and not looked below; all else is as without it.
+TEST(NodeSelection, LeavesOutWhatIsCutAway) {
+    TestCloud cloud = full_octree(128, 4, 10);
+    for (TestCloud::Node& entry : cloud.nodes) entry.node.children_pending = entry.node.child_count > 0;
+    const ClipBox corner = {.box = {.min = Vec3d::Constant(-1), .max = Vec3d::Constant(15)}};
+    const ClipRegion keep({&corner, 1}, {});
+    const SelectionSettings kept = {.error_px = 0.001, .point_budget = 45, .clip = &keep};
+    const Selection selection = select_nodes(cloud, top_camera(kSize, 4), kSize, kSize, kept);
+    ASSERT_EQ(selection.nodes.size(), 4u);  // one a level: the budget has room for it, and for nothing else
+    EXPECT_EQ(selection.bound_by, BoundBy::error);
+    EXPECT_EQ(cloud.loads, 3u);
+    for (const NodeId id : selection.nodes) EXPECT_EQ(cloud.node(id).key.x + cloud.node(id).key.y + cloud.node(id).key.z, 0u);
+
+    const ClipBox half = {.box = {.min = {-1, -1, -1}, .max = {64.5, 200, 200}}, .action = ClipBox::Action::remove};
+    const ClipRegion remove({&half, 1}, {});
+    const Selection rest = select_nodes(cloud, top_camera(kSize, 4), kSize, kSize, {.error_px = 0.001, .clip = &remove});
+    EXPECT_EQ(rest.nodes.size(), 1u + 4 + 32 + 256);
+    const ClipBox away = {.box = {.min = Vec3d::Constant(200), .max = Vec3d::Constant(300)}};
+    const ClipRegion nothing({&away, 1}, {});
+    EXPECT_TRUE(select_nodes(cloud, top_camera(kSize, 4), kSize, kSize, {.clip = &nothing}).nodes.empty());
+}
+
+// A node that is cut in part takes more memory: its copy without what is cut.
+TEST(NodeSelection, CutNodesTakeTheMemoryOfTheirCopy) {
+    TestCloud cloud = full_octree(128, 2, 10);
+    const ClipBox half = {.box = {.min = Vec3d::Constant(-1), .max = {96, 200, 200}}};
+    const ClipRegion clip({&half, 1}, {});
+    // The root and four children are cut: 5 (5 + 10 (1 + 2)) bytes; the other four: 4 (5 + 10).
+    for (const uint64_t spare : {0, 1}) {
+        const SelectionSettings settings = {.error_px = 0.001, .memory_bytes = 235 - spare, .node_bytes = 5, .cut_point_bytes = 2, .clip = &clip};
+        const Selection selection = select_nodes(cloud, top_camera(kSize, 4), kSize, kSize, settings);
+        EXPECT_EQ(selection.nodes.size(), 9u - spare);
+        EXPECT_EQ(selection.bound_by, spare == 0 ? BoundBy::error : BoundBy::memory);
+    }
 }
 
 // The bound on depth is a bound: no point of the box that is in sight is nearer.
