@@ -20,14 +20,6 @@ Error bad_value(std::string_view flag, const std::string& expected, const std::s
     return {ErrorKind::usage, std::string(flag) + ": expected " + expected + ", got '" + text + "'"};
 }
 
-double parse_number(std::string_view flag, const std::string& text) {
-    double value = 0.0;
-    const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (status != std::errc() || end != text.data() + text.size() || !std::isfinite(value))
-        throw bad_value(flag, "a number", text);
-    return value;
-}
-
 uint64_t available_memory_bytes() {
     std::ifstream meminfo("/proc/meminfo");
     for (std::string line; std::getline(meminfo, line);)
@@ -156,6 +148,14 @@ uint64_t Options::bytes(std::string_view flag) const {
     if (status != std::errc() || shift < 0 || !(value > 0.0) || value * std::ldexp(1.0, shift) > 0x1p60)
         throw bad_value(flag, "a size such as 512M or 2G", word);
     return uint64_t(value * std::ldexp(1.0, shift));
+}
+
+double parse_number(std::string_view flag, const std::string& text) {
+    double value = 0.0;
+    const auto [end, status] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (status != std::errc() || end != text.data() + text.size() || !std::isfinite(value))
+        throw bad_value(flag, "a number", text);
+    return value;
 }
 
 int thread_count(const Options& options) {

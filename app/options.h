@@ -55,6 +55,9 @@ inline constexpr OptionRow kQuiet = {"--quiet", "-q", "", "", "no progress, no s
 inline constexpr OptionRow kJson = {"--json", "", "", "", "one JSON object on standard output and nothing else"};
 }  // namespace shared_option
 
+/// The whole text as a finite number.  throws  Error{usage}, naming the flag
+double parse_number(std::string_view flag, const std::string& text);
+
 int thread_count(const Options& options);     // --threads or the machine's
 uint64_t memory_cap(const Options& options);  // --memory or half of what is free, bytes
 

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "app/commands/camera_file.h"
+#include "app/cut_options.h"
 #include "core/error.h"
 #include "render/colormap.h"
 #include "render/named_view.h"
@@ -35,6 +36,9 @@ constexpr OptionRow kRows[] = {
     {"--point-size", "", "adaptive|PIXELS", "adaptive", "diameter of a point; adaptive: from the spacing of the points, so that surfaces close"},
     {"--error", "", "PIXELS", "1", "detail: points left out lie this near to drawn ones"},
     {"--budget", "", "POINTS", "20000000", "most points to draw; the root is always drawn"},
+    {"--clip", "", "BOX[;BOX...]", "", "draw only what is in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units, faces included; a number left out is open. Views are framed around the boxes"},
+    {"--clip-out", "", "BOX[;BOX...]", "", "draw nothing that is in a box"},
+    {"--filter", "", "NAME=VALUES[;...]", "", "draw only points whose values are among these: 'class=2,6;return=1;intensity=100:2000'; names as for --color"},
     {"--edl", "", "STRENGTH[,RADIUS]", "0.7", "eye-dome lighting: how dark slopes get, and pixels to the neighbors; default radius: 2, or a splat where larger; 0: off"},
     {"--background", "", "COLOR", "#181c24", "'#rrggbb'"},
     {"--transparent", "", "", "", "no background: alpha 0 where there are no points"},
@@ -131,6 +135,29 @@ double parse_units_per_pixel(const Options& options) {
     return units;
 }
 
+std::vector<ClipBox> parse_clips(const Options& options) {
+    std::vector<ClipBox> clips;
+    for (const auto& [flag, action] : {std::pair{"--clip", ClipBox::Action::keep}, std::pair{"--clip-out", ClipBox::Action::remove}}) {
+        if (!options.given(flag)) continue;
+        const std::vector<ClipBox> boxes = parse_clip_boxes(flag, options.text(flag), action);
+        clips.insert(clips.end(), boxes.begin(), boxes.end());
+    }
+    return clips;
+}
+
+// What views are framed around where boxes keep a part of the cloud: corners of what they share with it.
+std::vector<Vec3d> kept_corners(std::span<const ClipBox> clips, const Box3d& bounds) {
+    std::vector<Vec3d> corners;
+    for (const ClipBox& clip : clips) {
+        const Box3d shared = {.min = clip.box.min.cwiseMax(bounds.min), .max = clip.box.max.cwiseMin(bounds.max)};
+        if (clip.action != ClipBox::Action::keep || shared.empty()) continue;
+        for (int corner = 0; corner < 8; ++corner)
+            corners.emplace_back((corner & 1 ? shared.max : shared.min).x(), (corner & 2 ? shared.max : shared.min).y(),
+                                 (corner & 4 ? shared.max : shared.min).z());
+    }
+    return corners;
+}
+
 Camera free_camera(const Options& options, const LayeredCloud& cloud, std::span<const Vec3d> points) {
     Camera camera;
     camera.projection = options.given("--ortho") ? Projection::orthographic : Projection::perspective;
@@ -214,6 +241,8 @@ void check_render_options(const Options& options) {
     if (!(options.number("--error") > 0.0)) refuse("--error", "a positive number of pixels", options.text("--error"));
     options.integer("--budget", 1, 0xfffffffe);
     options.integer("--tile", 0, kLargestSide);
+    parse_clips(options);
+    if (options.given("--filter")) parse_filter("--filter", options.text("--filter"));
     if (!(options.number("--threshold") >= 0.0)) refuse("--threshold", "a number that is not negative", options.text("--threshold"));
     if (options.given("--threshold") && !options.given("--reference")) throw Error(ErrorKind::usage, "--threshold needs --reference");
     if (options.given("--camera") && options.given("--ortho")) throw Error(ErrorKind::usage, "--ortho: a camera file says it by ortho_height");
@@ -253,7 +282,18 @@ RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
         settings.range = ColorRange{range[0], range[1]};
     }
 
-    const std::vector<Vec3d> points = sample_positions(cloud);
+    settings.clips = parse_clips(options);
+    if (options.given("--filter")) {
+        try {
+            settings.filter = PointFilter(cloud.info(), parse_filter("--filter", options.text("--filter")));
+        } catch (const Error& error) {
+            throw error.within("--filter");
+        }
+    }
+
+    std::vector<Vec3d> points = kept_corners(settings.clips, cloud.info().bounds);
+    const bool whole = points.empty();
+    if (whole) points = sample_positions(cloud);
     const double aspect = double(settings.width) / settings.height;
     if (options.given("--camera")) {
         request.camera = camera_of(read_camera_file(options.text("--camera")));
@@ -265,7 +305,7 @@ RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
     }
     if (options.given("--meters-per-pixel")) {
         const double units_per_pixel = parse_units_per_pixel(options);
-        if (!options.given("--size")) fit_size(request.camera, cloud.info().bounds, points, units_per_pixel, settings);
+        if (!options.given("--size")) fit_size(request.camera, whole ? cloud.info().bounds : Box3d(), points, units_per_pixel, settings);
         request.camera.height = units_per_pixel * settings.height;
     }
     fit_depth_range(request.camera, cloud.info().bounds);
