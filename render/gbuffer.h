@@ -20,7 +20,7 @@ struct GBuffer {
     uint32_t width = 0, first_row = 0, rows = 0;
     std::vector<Rgba8> colors;   // [width * rows] alpha 0 where nothing was drawn
     std::vector<float> depths;   // eye depth, world units; kNoDepth where nothing was drawn
-    std::vector<uint8_t> splat_px;  // diameter of the splat, rounded, at most 255; empty unless a pass asks for it
+    std::vector<uint8_t> splat_px;  // how far the relief of splats reaches: their diameter, half of it where they lie in the surface; rounded, at most 255; empty unless a pass asks for it
     std::vector<PixelId> ids;    // kNoPixelId where nothing was drawn; empty unless asked for
 };
 

@@ -10,13 +10,14 @@
 #include "core/parallel.h"
 #include "render/gl/egl_context.h"
 #include "render/stream/point_cut.h"
+#include "render/stream/shape_field.h"
 
 namespace strata {
 namespace {
 
 constexpr uint64_t kPixelBytes = 48;    // word, G-buffer, finished row, and the pass's textures on software GL
-constexpr uint64_t kPointBytes = 16;    // resident: position and color
-constexpr uint64_t kCutPointBytes = 20; // of the copy that is drawn of nodes that are cut: the same and an index
+constexpr uint64_t kPointBytes = 24;    // resident: position, color and shape
+constexpr uint64_t kCutPointBytes = 28; // of the copy that is drawn of nodes that are cut: the same and an index
 constexpr uint64_t kStripPixels = 8 << 20;
 
 // Adds the time since the last call to a row of the report.
@@ -79,8 +80,7 @@ void restore_indices(std::span<PixelId> ids, std::span<const std::optional<CutNo
 
 std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
                                   std::span<const NodeId> ids, std::span<const ResidentNode> points,
-                                  std::span<const std::optional<CutNode>> cut,
-                                  std::span<const std::unique_ptr<SpacingGrid>> grids) {
+                                  std::span<const std::optional<CutNode>> cut) {
     // The widest splat reaches half its width beyond its point; two more rows cover rounding.
     const double margin_px = 0.5 * settings.splat.widest_px() + 2.0;
     std::vector<PointNode> nodes(ids.size());
@@ -88,7 +88,6 @@ std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camer
     for (size_t slot = 0; slot < ids.size(); ++slot) {
         PointNode& node = nodes[slot];
         node.points = cut[slot] ? &cut[slot]->points : &points[slot];
-        node.spacing = grids.empty() ? nullptr : grids[slot].get();
         node.first_rank = uint32_t(rank);
         rank += node.points->size();
         std::tie(node.top_row, node.bottom_row) = row_range(camera, settings.height, cloud.node(ids[slot]).bounds, margin_px);
@@ -159,12 +158,14 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
                              : settings.color.needs_range() ? derive_range(cloud, settings.color)
                                                             : ColorRange{};
     const PointColorizer colors(cloud.info(), settings.color, range, settings.colormap);
-    const std::vector<ResidentNode> points = load_nodes(cloud, selection.nodes, colors, settings.filter, settings.threads, report.failures);
-    std::vector<std::unique_ptr<SpacingGrid>> grids;
-    if (settings.splat.fixed_px <= 0.0f) grids = build_spacing_grids(cloud, selection.nodes, points);
+    std::vector<ResidentNode> points = load_nodes(cloud, selection.nodes, colors, settings.filter, settings.threads, report.failures);
     watch.lap("load");
+    if (settings.splat.fixed_px <= 0.0f) {
+        update_shapes(cloud, selection.nodes, points, settings.threads);
+        watch.lap("shapes");
+    }
     const std::vector<std::optional<CutNode>> cut = cut_nodes(points, clip, settings.threads);
-    const std::vector<PointNode> nodes = list_nodes(cloud, camera, settings, selection.nodes, points, cut, grids);
+    const std::vector<PointNode> nodes = list_nodes(cloud, camera, settings, selection.nodes, points, cut);
     for (const PointNode& node : nodes) report.points_drawn += node.points->size();
     watch.lap("cut");
 

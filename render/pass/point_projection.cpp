@@ -28,6 +28,11 @@ PointProjection::PointProjection(const Camera& camera, const Quantization& quant
     set_row(x_row, camera.right(), scale_px);
     set_row(y_row, -camera.up(), scale_px);
     set_row(depth_row, camera.forward(), 1.0);
+    for (int axis = 0; axis < 3; ++axis) {
+        right[size_t(axis)] = float(camera.right()[axis]);
+        down[size_t(axis)] = float(-camera.up()[axis]);
+        forward[size_t(axis)] = float(camera.forward()[axis]);
+    }
     if (perspective) {
         key_scale = near_depth;
         key_offset = 0.0f;

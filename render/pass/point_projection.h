@@ -25,6 +25,7 @@ struct PointProjection {
     bool perspective;
     std::array<int64_t, 3> eye_quanta;
     std::array<float, 4> x_row, y_row, depth_row;
+    std::array<float, 3> right, down, forward;  // of the picture, world axes
     float center_x, center_y;
     float near_depth;
     float key_scale, key_offset;

@@ -24,6 +24,9 @@ struct Projected {
     alignas(64) float y_px[kBlock];
     alignas(64) float size_px[kBlock];
     alignas(64) uint32_t key[kBlock];
+    // Tilt of the surface around the point: how much farther it lies a pixel to the right, and one down, in pixels.
+    alignas(64) float slope_x[kBlock];
+    alignas(64) float slope_y[kBlock];
 };
 
 inline void raise(uint64_t& word, uint64_t value) {
@@ -71,29 +74,41 @@ void project_block(const PointProjection& view, const int32_t* x, const int32_t*
 
 // Adaptive diameter of a point: spacing at its place, projected.
 template <bool perspective>
-inline float adaptive_size_px(const PointProjection& view, const SplatStyle& style, const PointNode& node, size_t index,
-                              uint32_t key) {
-    const ResidentNode& points = *node.points;
-    const float spacing =
-        node.spacing == nullptr ? points.spacing : node.spacing->at(points.x[index], points.y[index], points.z[index]);
-    float size = style.spacing_factor * view.pixels_per_unit * spacing;
+inline float adaptive_size_px(const PointProjection& view, const SplatStyle& style, const PointShape& shape, uint32_t key) {
+    float size = style.spacing_factor * view.pixels_per_unit * shape.spacing;
     if constexpr (perspective) size *= std::bit_cast<float>(key) / view.key_scale;
     return std::min(std::max(size, style.least_px), style.most_px);
 }
 
+constexpr float kMostSlope = 4.0f;  // 76 degrees: what is steeper is drawn as steep as this
+
 template <bool perspective>
-void size_block(const PointProjection& view, const SplatStyle& style, const PointNode& node, size_t begin, size_t count,
-                Projected& out) {
-    for (size_t i = 0; i < count; ++i) out.size_px[i] = adaptive_size_px<perspective>(view, style, node, begin + i, out.key[i]);
+void shape_block(const PointProjection& view, const SplatStyle& style, const PointShape* shapes, size_t count, Projected& out) {
+    for (size_t i = 0; i < count; ++i) {
+        out.size_px[i] = adaptive_size_px<perspective>(view, style, shapes[i], out.key[i]);
+        const float nx = shapes[i].normal[0], ny = shapes[i].normal[1], nz = shapes[i].normal[2];
+        const float right = view.right[0] * nx + view.right[1] * ny + view.right[2] * nz;
+        const float down = view.down[0] * nx + view.down[1] * ny + view.down[2] * nz;
+        float along = view.forward[0] * nx + view.forward[1] * ny + view.forward[2] * nz;  // the view ray
+        if constexpr (perspective)
+            along += (right * (out.x_px[i] - view.center_x) + down * (out.y_px[i] - view.center_y)) / view.pixels_per_unit;
+        // Slope (right, down) / -along, no longer than the most; a zero normal gives zero.
+        const float across = std::sqrt(right * right + down * down);
+        const float divisor = std::max(std::abs(along), std::max(across / kMostSlope, 1e-6f));
+        const float scale = (along > 0.0f ? -1.0f : 1.0f) / divisor;
+        out.slope_x[i] = right * scale;
+        out.slope_y[i] = down * scale;
+    }
 }
 
-// The key of a depth behind that of `key` by what so many pixels cover there.
+// The key of a depth on a plane through that of `key` that lies `rise_px` farther there, and behind it by `fall_px`.
 template <bool perspective>
-inline uint32_t key_behind(const PointProjection& view, uint32_t key, float fall_px) {
-    const float fall = fall_px / view.pixels_per_unit;  // over depth, in perspective
+inline uint32_t key_behind(const PointProjection& view, uint32_t key, float rise_px, float fall_px) {
+    const float rise = rise_px / view.pixels_per_unit, fall = fall_px / view.pixels_per_unit;  // over depth, in perspective
     const float center = std::bit_cast<float>(key);
-    if constexpr (perspective) return std::bit_cast<uint32_t>(center / (1.0f + fall));
-    return std::bit_cast<uint32_t>(std::max(center + view.key_scale * fall, 0x1p-100f));
+    // On a plane, one over depth is linear in the picture.
+    if constexpr (perspective) return std::bit_cast<uint32_t>(std::max(center * (1.0f - rise) / (1.0f + fall), 0x1p-100f));
+    return std::bit_cast<uint32_t>(std::max(center + view.key_scale * (rise + fall), 0x1p-100f));
 }
 
 void scatter_pixels(const Target& target, const Projected& block, size_t count, uint32_t rank) {
@@ -127,10 +142,15 @@ void scatter_splats(const Target& target, const PointProjection& view, const Pro
                     // Below this diameter a disc may miss every center, and the square covers two by two at most.
                     if (radius > 0.75f) {
                         const float dx = float(column) + 0.5f - x;
-                        const float square = (dx * dx + dy * dy) * inverse_square;
+                        float square = dx * dx + dy * dy, rise = 0.0f;
+                        if constexpr (shape == SplatShape::paraboloid) {
+                            rise = block.slope_x[i] * dx + block.slope_y[i] * dy;
+                            square += rise * rise;
+                        }
+                        square *= inverse_square;
                         if (square > 1.0f) continue;
                         if constexpr (shape == SplatShape::paraboloid) {
-                            const uint32_t key = key_behind<perspective>(view, block.key[i], radius * square);
+                            const uint32_t key = key_behind<perspective>(view, block.key[i], rise, radius * square);
                             raise(line[column], uint64_t{key} << 32 | ~(rank + uint32_t(i)));
                             continue;
                         }
@@ -147,7 +167,11 @@ void draw_unit(const Target& target, const PointNode& node, size_t begin, size_t
                const SplatStyle& style) {
     Projected block;
     const bool one_pixel = style.fixed_px > 0.0f && style.fixed_px <= 1.0f;
-    if (style.fixed_px > 0.0f) std::fill(std::begin(block.size_px), std::end(block.size_px), style.fixed_px);
+    if (style.fixed_px > 0.0f) {
+        std::fill(std::begin(block.size_px), std::end(block.size_px), style.fixed_px);
+        std::fill(std::begin(block.slope_x), std::end(block.slope_x), 0.0f);
+        std::fill(std::begin(block.slope_y), std::end(block.slope_y), 0.0f);
+    }
     const ResidentNode& points = *node.points;
     for (; begin < end; begin += kBlock) {
         const size_t count = std::min(kBlock, end - begin);
@@ -157,7 +181,7 @@ void draw_unit(const Target& target, const PointNode& node, size_t begin, size_t
             scatter_pixels(target, block, count, rank);
             continue;
         }
-        if (style.fixed_px <= 0.0f) size_block<perspective>(view, style, node, begin, count, block);
+        if (style.fixed_px <= 0.0f) shape_block<perspective>(view, style, &points.shapes[begin], count, block);
         switch (style.shape) {
             case SplatShape::square: scatter_splats<SplatShape::square, perspective>(target, view, block, count, rank); break;
             case SplatShape::disc: scatter_splats<SplatShape::disc, perspective>(target, view, block, count, rank); break;
@@ -166,6 +190,21 @@ void draw_unit(const Target& target, const PointNode& node, size_t begin, size_t
                 break;
         }
     }
+}
+
+// Depth of the plane that the point stands for at a pixel. A paraboloid's fall behind it decides what is seen, but is no relief.
+template <bool perspective>
+float plane_depth_at(const PointProjection& view, const SplatStyle& style, const ResidentNode& points, size_t index, float x, float y) {
+    Projected one;
+    project_block<perspective, false>(view, &points.x[index], &points.y[index], &points.z[index], 1, one);
+    shape_block<perspective>(view, style, &points.shapes[index], 1, one);
+    const float rise = one.slope_x[0] * (x - one.x_px[0]) + one.slope_y[0] * (y - one.y_px[0]);
+    return view.linear_depth(std::bit_cast<float>(key_behind<perspective>(view, one.key[0], rise, 0.0f)));
+}
+
+float plane_depth(const PointProjection& view, const SplatStyle& style, const ResidentNode& points, size_t index, size_t column, size_t row) {
+    const float x = float(column) + 0.5f, y = float(row) + 0.5f;
+    return view.perspective ? plane_depth_at<true>(view, style, points, index, x, y) : plane_depth_at<false>(view, style, points, index, x, y);
 }
 
 // Whether every quanta difference between the node's points and the eye fits in 32 bits.
@@ -236,13 +275,17 @@ void PointsPass::resolve(std::span<const PointNode> nodes, const PointProjection
             }
             const uint32_t index = rank - nodes[slot].first_rank;
             out.colors[pixel] = nodes[slot].points->colors[index];
-            out.depths[pixel] = projection.linear_depth(std::bit_cast<float>(uint32_t(word >> 32)));
+            const uint32_t key = uint32_t(word >> 32);
+            const PointShape* shape = style.fixed_px > 0.0f ? nullptr : &nodes[slot].points->shapes[index];
+            out.depths[pixel] = style.shape == SplatShape::paraboloid && shape && shape->flat()
+                                    ? plane_depth(projection, style, *nodes[slot].points, index, pixel % width_, first_row_ + pixel / width_)
+                                    : projection.linear_depth(std::bit_cast<float>(key));
             if (options.splat_px) {
-                const uint32_t key = uint32_t(word >> 32);
-                const float size = style.fixed_px > 0.0f ? style.fixed_px
-                                   : projection.perspective ? adaptive_size_px<true>(projection, style, nodes[slot], index, key)
-                                                            : adaptive_size_px<false>(projection, style, nodes[slot], index, key);
-                out.splat_px[pixel] = uint8_t(std::min(size + 0.5f, 255.0f));
+                const float size = !shape                ? style.fixed_px
+                                   : projection.perspective ? adaptive_size_px<true>(projection, style, *shape, key)
+                                                            : adaptive_size_px<false>(projection, style, *shape, key);
+                // Flat ones have no rims; steps between them are noise, which half their size evens out.
+                out.splat_px[pixel] = uint8_t(std::min((shape && shape->flat() ? 0.5f : 1.0f) * size + 0.5f, 255.0f));
             }
             if (options.ids) out.ids[pixel] = make_pixel_id(uint32_t(slot), index);
         }

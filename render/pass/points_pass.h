@@ -10,15 +10,16 @@
 
 namespace strata {
 
-/// Squares and discs have the depth of their center; a paraboloid falls back from it by its radius at the rim, so that of
-/// splats that overlap on a surface each shows around its own center rather than the nearer one on top.
+/// Squares and discs face the viewer and have the depth of their center. A paraboloid lies in the plane of the surface
+/// around its point, where that is known (PointShape), and falls back from it by its radius at the rim: so of splats that
+/// overlap on a surface each pixel shows the one with the nearest center, however large they are.
 enum class SplatShape { square, disc, paraboloid };
 
 /// How points become splats. A splat covers the pixels whose centers lie in it, and always the one its center lies in.
 struct SplatStyle {
     SplatShape shape = SplatShape::paraboloid;
     float fixed_px = 0.0f;        // diameter; 0: from the spacing of the points
-    float least_px = 1.0f, most_px = 64.0f;  // clamps of adaptive sizes
+    float least_px = 1.0f, most_px = 255.0f;  // clamps of adaptive sizes
     float spacing_factor = 2.0f;  // adaptive diameter over point spacing: a point lies within the spacing of all that it stands for
 
     float widest_px() const { return fixed_px > 0.0f ? fixed_px : most_px; }
@@ -33,7 +34,6 @@ struct ResolveOptions {
 /// A node that is drawn. Slots are in key order, and first_rank is the number of points in the slots before.
 struct PointNode {
     const ResidentNode* points = nullptr;
-    const SpacingGrid* spacing = nullptr;  // null: the node's own
     uint32_t first_rank = 0;
     float top_row = 0.0f, bottom_row = 0.0f;  // rows of the whole picture that its points can touch
 };

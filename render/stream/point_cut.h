@@ -10,7 +10,7 @@
 namespace strata {
 
 /// What filter and clip boxes leave of a node: a copy of its points, so that whoever draws need not know of cuts. Its
-/// spacing stays that of the whole node, and so do the sizes of its points.
+/// points keep the shapes that they have in the whole node.
 struct CutNode {
     ResidentNode points;
     std::vector<uint32_t> indices;  // of the points in the whole node, ascending

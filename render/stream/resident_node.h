@@ -6,35 +6,51 @@
 #include <vector>
 
 #include "core/math/vec.h"
+#include "core/octree/layered_cloud.h"
 #include "render/image.h"
 
 namespace strata {
 
-/// The points of one node, ready to draw or to be cut. 16 bytes a point, one more with a filter.
+/// What a point stands for: a piece of surface of some size and tilt.
+struct PointShape {
+    float spacing = 0.0f;                // world units: the radius of a splat that leaves no gap to its neighbors; 0: unknown
+    std::array<int8_t, 3> normal = {};   // world axes, length 127, either side; zero: the points around it lie in no plane
+
+    bool flat() const { return normal != std::array<int8_t, 3>{}; }
+    bool operator==(const PointShape&) const = default;
+};
+
+/// Point shapes within a node, in 8 x 8 x 8 cells of a box that holds its points.
+struct ShapeGrid {
+    static constexpr int kSide = 8;
+
+    static size_t index(int x, int y, int z) { return size_t((x * kSide + y) * kSide + z); }
+    const PointShape& at(int32_t x, int32_t y, int32_t z) const { return cells[index(cell(x, 0), cell(y, 1), cell(z, 2))]; }
+    // The difference is one of integers: a grid may be small and far from the quanta's zero.
+    int cell(int32_t quanta, int axis) const {
+        const int64_t above = std::max<int64_t>(int64_t{quanta} - origin[size_t(axis)], 0);
+        return int(std::min(float(above) * cells_per_quantum[size_t(axis)], float(kSide - 1)));
+    }
+
+    std::array<int32_t, 3> origin = {};  // lowest quanta of the points
+    std::array<float, 3> cells_per_quantum = {};
+    std::vector<PointShape> cells;  // [8 * 8 * 8]; empty where all points coincide
+};
+
+/// The points of one node, ready to draw or to be cut. 24 bytes a point, one more with a filter.
 struct ResidentNode {
     std::vector<int32_t> x, y, z;  // quanta of the cloud
     std::vector<Rgba8> colors;
     Vec3i min_quanta = Vec3i::Zero(), max_quanta = Vec3i::Zero();  // of the points
     std::vector<uint8_t> passes;   // the filter; empty: all pass
-    float spacing = 0.0f;  // world units: how far its points lie apart, with those of its ancestors
+
+    ShapeGrid local_shape;  // measured once, among the node's points and those above it
+    bool shape_measured = false;
+    /// By the finest node drawn at each point's place, for the last set of drawn nodes: shapes_from, in ascending order.
+    std::vector<PointShape> shapes;
+    std::vector<NodeId> shapes_from;
 
     size_t size() const { return x.size(); }
-};
-
-/// Point spacing within a node where drawn descendants make it finer, in 8 x 8 x 8 cells of the node's box.
-struct SpacingGrid {
-    static constexpr int kSide = 8;
-
-    float at(int32_t x, int32_t y, int32_t z) const {
-        return cells[size_t((cell(x, 0) * kSide + cell(y, 1)) * kSide + cell(z, 2))];
-    }
-    int cell(int32_t quanta, int axis) const {
-        const float c = (float(quanta) - origin[size_t(axis)]) * cells_per_quantum[size_t(axis)];
-        return int(std::min(std::max(c, 0.0f), float(kSide - 1)));
-    }
-
-    std::array<float, 3> origin, cells_per_quantum;
-    std::array<float, size_t(kSide) * kSide * kSide> cells;
 };
 
 }  // namespace strata

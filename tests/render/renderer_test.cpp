@@ -98,6 +98,28 @@ TEST(Renderer, StripsAndThreadsDoNotShow) {
     }
 }
 
+// Ground scanned in lines three times as far apart as the points on them, seen aslant: no gap, at any distance.
+TEST(Renderer, ScanLinesAreClosed) {
+    Random random(11);
+    std::vector<Vec3i> quanta;
+    for (int line = 0; line < 60; ++line)
+        for (int i = 0; i < 180; ++i)
+            quanta.emplace_back(int(1000 * random.uniform(0, 60)), 1000 * line, int(20 * random.normal()));
+    TestCloud cloud = single_node_cloud(quanta, {.scale = Vec3d::Constant(0.001), .offset = Vec3d(6e5, 5.3e6, 200)}, 0.5);
+    RenderSettings settings = settings_of(cloud);
+    settings.edl.strength = 0.0f;
+    for (const double away : {10.0, 30.0, 100.0}) {
+        Camera camera;
+        camera.eye = Vec3d(6e5 + 30, 5.3e6 + 30 - 0.8 * away, 200 + 0.6 * away);
+        camera.view_from_world = look_along({0, 0.8, -0.6}, {0, 0, 1});
+        camera.fov_rad = 6.0 / away;
+        fit_depth_range(camera, cloud.info().bounds);
+        const Frame frame = render(cloud, camera, settings);
+        const auto holes = std::count_if(frame.depths.begin(), frame.depths.end(), [](float depth) { return depth == kNoDepth; });
+        EXPECT_LT(double(holes), 0.003 * double(frame.depths.size())) << away;  // e^-(1.5^2 pi) of random points is 0.1 %
+    }
+}
+
 // A named view shows the whole cloud: every point inside, the picture nearly full.
 TEST(Renderer, NamedViewsFrameTheCloud) {
     TestCloud cloud = hill_cloud();

@@ -16,7 +16,7 @@ const Quantization kMillimeters = {.scale = Vec3d::Constant(0.001), .offset = Ve
 
 ResidentNode node_of(const std::vector<Vec3d>& positions, const Quantization& quantization) {
     ResidentNode node;
-    node.spacing = 0.1f;
+    node.shapes.assign(positions.size(), PointShape{.spacing = 0.1f});
     for (const Vec3d& p : positions) {
         const Vec3d quanta = (p - quantization.offset).cwiseQuotient(quantization.scale);
         node.x.push_back(int32_t(std::lround(quanta.x())));
@@ -35,7 +35,7 @@ GBuffer draw(const std::vector<ResidentNode>& nodes, const Camera& camera, const
     std::vector<PointNode> list;
     uint32_t rank = 0;
     for (const ResidentNode& node : nodes) {
-        list.push_back({.points = &node, .spacing = nullptr, .first_rank = rank, .top_row = 0, .bottom_row = kHeight});
+        list.push_back({.points = &node, .first_rank = rank, .top_row = 0, .bottom_row = kHeight});
         rank += uint32_t(node.size());
     }
     const PointProjection projection(camera, quantization, kWidth, kHeight);
@@ -143,6 +143,44 @@ TEST(PointsPass, ParaboloidsMeetHalfway) {
             ++right;
         }
         EXPECT_NEAR(double(right), 30, 1);  // 10 pixels apart, 20 wide
+    }
+}
+
+// A wall that is seen at 60 degrees: 3 points a row, 0.1 apart, whose splats overlap twice over. Each pixel shows the point
+// with the nearest center, measured along the wall, and has the wall's depth.
+TEST(PointsPass, ParaboloidsLieInTheirPlane) {
+    const Vec3d along = Vec3d(0.5, std::sqrt(0.75), 0);  // of the wall
+    const Vec3d normal = Vec3d(-along.y(), along.x(), 0);
+    std::vector<Vec3d> positions;
+    for (int i = -2; i <= 2; ++i)
+        for (int j = -2; j <= 2; ++j) positions.push_back(Vec3d(0, 2, 0) + 0.1 * i * along + Vec3d(0, 0, 0.1 * j));
+    std::vector<Vec3d> placed;
+    for (const Vec3d& p : positions) placed.push_back(kMillimeters.offset + p);
+    std::vector<ResidentNode> nodes = {node_of(placed, kMillimeters)};
+    const Vec3d scaled = 127 * normal;
+    nodes[0].shapes.assign(positions.size(), PointShape{.spacing = 0.15f, .normal = {int8_t(std::lround(scaled.x())), int8_t(std::lround(scaled.y())), 0}});
+    for (const Projection projection : {Projection::perspective, Projection::orthographic}) {
+        const GBuffer gbuffer = draw(nodes, camera_north(projection), {});
+        size_t seen = 0, wrong = 0;
+        for (uint32_t y = 0; y < kHeight; ++y)
+            for (uint32_t x = 0; x < kWidth; ++x) {
+                const PixelId id = gbuffer.ids[y * kWidth + x];
+                if (id == kNoPixelId) continue;
+                const double u = (x + 0.5 - 100) / 100, v = -(y + 0.5 - 50) / 100;
+                // Where the pixel's ray meets the wall.
+                const bool perspective = projection == Projection::perspective;
+                const Vec3d ray = perspective ? Vec3d(u, 1, v) : Vec3d(0, 1, 0), from = perspective ? Vec3d(0, 0, 0) : Vec3d(u, 0, v);
+                const double depth = normal.dot(Vec3d(0, 2, 0) - from) / normal.dot(ray);
+                const Vec3d hit = from + depth * ray;
+                if (std::abs((hit - Vec3d(0, 2, 0)).dot(along)) > 0.25 || std::abs(hit.z()) > 0.25) continue;
+                ++seen;
+                EXPECT_NEAR(gbuffer.depths[y * kWidth + x], depth, 0.005);  // half a degree of a byte's normal over 0.3 units, and a quantum
+                double nearest = 1e9;
+                for (const Vec3d& p : positions) nearest = std::min(nearest, (p - hit).norm());
+                wrong += (positions[uint32_t(id)] - hit).norm() > nearest + 0.005;
+            }
+        EXPECT_GT(seen, 250u);
+        EXPECT_LT(double(wrong), 0.03 * double(seen));  // in perspective, falling back is measured along the ray
     }
 }
 
