@@ -126,7 +126,14 @@ struct Renderer::Gl {
     EdlPass edl;
 };
 
-Renderer::Renderer() = default;
+// Kept from frame to frame: fresh memory costs more than what is written to it.
+struct Renderer::Buffers {
+    PointsPass points;
+    GBuffer gbuffer;
+    std::vector<Rgba8> shaded;
+};
+
+Renderer::Renderer() : buffers_(std::make_unique<Buffers>()) {}
 Renderer::~Renderer() = default;
 
 RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
@@ -176,21 +183,21 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     if (gl_) report.gl_renderer = gl_->context.renderer();
 
     const PointProjection projection(camera, cloud.info().quantization, settings.width, settings.height);
-    GBuffer gbuffer;
-    std::vector<Rgba8> shaded;
+    GBuffer& gbuffer = buffers_->gbuffer;
+    std::vector<Rgba8>& shaded = buffers_->shaded;
     for (uint32_t row = 0; row < settings.height; row += strip_rows) {
         const uint32_t rows = std::min(strip_rows, settings.height - row);
         // Neighbours of the strip's own rows are drawn with it, so that its seams do not show.
         const uint32_t above = std::min(row, uint32_t(reach)), below = std::min(settings.height - row - rows, uint32_t(reach));
-        {
-            PointsPass pass(settings.width, row - above, above + rows + below);
-            pass.draw(nodes, projection, settings.splat, settings.threads);
-            watch.lap("points");
-            const ResolveOptions wanted = {.splat_px = reach > 0 && settings.edl.follow_splats, .ids = settings.with_ids};
-            pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
-            restore_indices(gbuffer.ids, cut);
-            watch.lap("resolve");
-        }
+        PointsPass& pass = buffers_->points;
+        pass.clear(settings.width, row - above, above + rows + below, settings.threads);
+        watch.lap("clear");
+        pass.draw(nodes, projection, settings.splat, settings.threads);
+        watch.lap("points");
+        const ResolveOptions wanted = {.splat_px = reach > 0 && settings.edl.follow_splats, .ids = settings.with_ids};
+        pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
+        restore_indices(gbuffer.ids, cut);
+        watch.lap("resolve");
         const size_t skip = size_t(above) * settings.width, count = size_t(rows) * settings.width;
         std::span<Rgba8> finished = std::span(gbuffer.colors).subspan(skip, count);
         if (reach > 0) {

@@ -68,7 +68,9 @@ public:
                               const std::function<void(const RenderedRows&)>& on_rows);
 
 private:
+    struct Buffers;
     struct Gl;
+    std::unique_ptr<Buffers> buffers_;
     std::unique_ptr<Gl> gl_;
 };
 
