@@ -5,10 +5,12 @@
 #include <cmath>
 #include <limits>
 #include <tuple>
+#include <utility>
 
 #include "core/error.h"
 #include "core/parallel.h"
 #include "render/gl/egl_context.h"
+#include "render/pass/edl_kernel.h"
 #include "render/stream/point_cut.h"
 #include "render/stream/shape_field.h"
 
@@ -107,7 +109,7 @@ uint32_t choose_strip_rows(const RenderSettings& settings) {
 int edl_reach_px(const RenderSettings& settings) {
     if (!(settings.edl.strength > 0.0f)) return 0;
     const int splat = settings.edl.follow_splats ? std::min(int(settings.splat.widest_px() + 0.5f), 255) : 0;
-    return std::max(settings.edl.reach_px(), splat);
+    return std::max(settings.edl.reach_px(settings.height, EdlSettings::kScales - 1), splat);
 }
 
 void fill_background(std::span<Rgba8> colors, Rgba8 background, int threads) {
@@ -135,6 +137,17 @@ struct Renderer::Buffers {
 
 Renderer::Renderer() : buffers_(std::make_unique<Buffers>()) {}
 Renderer::~Renderer() = default;
+
+// Starts GL where a GPU runs it, once. On software GL lighting takes longer than the points.
+void Renderer::start_gl(int threads) {
+    if (std::exchange(gl_tried_, true) || !may_have_gpu()) return;
+    try {
+        gl_ = std::make_unique<Gl>(threads);
+        if (gl_->context.is_software()) gl_.reset();
+    } catch (const Error& error) {
+        if (error.kind != ErrorKind::device) throw;
+    }
+}
 
 RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
                                     const std::function<void(const RenderedRows&)>& on_rows) {
@@ -176,9 +189,10 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     for (const PointNode& node : nodes) report.points_drawn += node.points->size();
     watch.lap("cut");
 
-    if (reach > 0 && !gl_) {
-        gl_ = std::make_unique<Gl>(settings.threads);
+    if (reach > 0) {
+        start_gl(settings.threads);
         watch.lap("gl start");
+        report.edl_by = gl_ ? "gl" : "cpu";
     }
     if (gl_) report.gl_renderer = gl_->context.renderer();
 
@@ -202,7 +216,10 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
         std::span<Rgba8> finished = std::span(gbuffer.colors).subspan(skip, count);
         if (reach > 0) {
             shaded.resize(count);
-            gl_->edl.shade(gbuffer, settings.edl, camera, settings.height, above, rows, shaded);
+            if (gl_)
+                gl_->edl.shade(gbuffer, settings.edl, camera, settings.height, above, rows, shaded);
+            else
+                shade_edl(gbuffer, settings.edl, camera, settings.height, above, rows, settings.threads, shaded);
             finished = shaded;
             watch.lap("edl");
         }

@@ -50,12 +50,14 @@ struct RenderReport {
     double error_px = 0.0;  // what the picture is off by, from selection
     BoundBy bound_by = BoundBy::error;
     std::string gl_renderer;  // empty: no GL was needed
+    std::string edl_by;       // what lit the picture: "cpu" or "gl"; empty: nothing did
     double frame_ms = 0.0;
     std::vector<std::pair<std::string, double>> pass_ms;  // in the order they ran
     LoadFailures failures;
 };
 
-/// Draws frames. Keeps the GL context and its programs from one frame to the next, made when a pass first needs them.
+/// Draws frames. Keeps the GL context and its programs from one frame to the next, made when a pass first needs them. Where there
+/// is no GPU, eye-dome lighting is a CPU kernel and needs none.
 class Renderer {
 public:
     Renderer();
@@ -63,15 +65,18 @@ public:
 
     /// Draws the cloud as the camera sees it and hands out the picture from top to bottom, a strip at a time.
     /// The pixels depend on neither threads nor strips. A node that cannot be read is left out and reported.
-    /// throws  Error{usage} for a camera or size that cannot be; Error{device} when a pass needs GL and there is none
+    /// throws  Error{usage} for a camera or size that cannot be
     RenderReport render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
                               const std::function<void(const RenderedRows&)>& on_rows);
 
 private:
     struct Buffers;
     struct Gl;
+    void start_gl(int threads);
+
     std::unique_ptr<Buffers> buffers_;
-    std::unique_ptr<Gl> gl_;
+    std::unique_ptr<Gl> gl_;  // none: not started, or of no use
+    bool gl_tried_ = false;
 };
 
 inline constexpr uint32_t kLargestSide = 16384;  // pixels of a picture's side

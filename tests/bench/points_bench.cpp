@@ -37,7 +37,7 @@ struct View {
         ids = select_nodes(*cloud, camera, kWidth, kHeight, {.error_px = error_px, .point_budget = budget}).nodes;
         const PointColorizer colors(cloud->info(), find_color_channel(cloud->info(), "lod"), {});
         LoadFailures failures;
-        points = load_nodes(*cloud, ids, colors, default_thread_count(), failures);
+        points = load_nodes(*cloud, ids, colors, PointFilter(), default_thread_count(), failures);
         update_shapes(*cloud, ids, points, default_thread_count());
         for (size_t slot = 0; slot < ids.size(); ++slot) {
             nodes.push_back({&points[slot], uint32_t(count), 0.0f, float(kHeight)});
