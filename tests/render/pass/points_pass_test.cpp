@@ -193,6 +193,9 @@ std::vector<ResidentNode> random_nodes(const Quantization& quantization) {
         for (int i = 0; i < 20000; ++i)
             positions.push_back(quantization.offset + Vec3d(random.uniform(-3, 3), random.uniform(1, 6), random.uniform(-2, 2)));
         nodes.push_back(node_of(positions, quantization));
+        for (size_t i = 0; i < positions.size(); i += 2)  // the others lie in no plane
+            nodes.back().shapes[i] = {.spacing = float(random.uniform(0.01, 0.1)),
+                                      .normal = {int8_t(int(random.bits() % 127) - 63), int8_t(int(random.bits() % 127) - 63), int8_t(random.bits() % 63 + 1)}};
     }
     return nodes;
 }
