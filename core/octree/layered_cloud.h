@@ -42,10 +42,11 @@ public:
     virtual size_t node_count() const = 0;  // loaded so far
     /// The reference lasts until the next load_children.
     virtual const LayeredNode& node(NodeId id) const = 0;
-    /// Loads the part of the hierarchy below a node whose children are pending. Not thread-safe.
+    /// Loads the part of the hierarchy below a node whose children are pending. From the thread that asks for nodes, while
+    /// others may be in read_node.
     virtual void load_children(NodeId) {}
 
-    /// Reads and decodes the points of one node. Safe to call from several threads at once.
+    /// Reads and decodes the points of one node. Safe to call from several threads at once, and during load_children.
     /// wanted  indices into info().attributes; positions (quanta of info().quantization) always come
     /// throws  Error{malformed, io}, naming the file, the node and the place
     virtual void read_node(NodeId id, std::span<const int> wanted, PointBatch& out) const = 0;

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <mutex>
+#include <shared_mutex>
 #include <unordered_map>
 
 #include "core/error.h"
@@ -47,7 +49,10 @@ public:
     }
 
     void read_node(NodeId id, std::span<const int> wanted, PointBatch& out) const override {
-        const LayeredNode& source = nodes_[id];
+        const LayeredNode source = [&] {
+            const std::shared_lock lock(nodes_mutex_);
+            return nodes_[id];
+        }();
         if (source.points == 0) return resize_batch(out, 0, info_.attributes, wanted);
         const auto stored = std::make_unique_for_overwrite<std::byte[]>(size_t(source.byte_size));
         const std::span<std::byte> bytes(stored.get(), size_t(source.byte_size));
@@ -209,6 +214,7 @@ private:
                 added[chunk[i].first_child + child].parent = i == 0 ? root_id : NodeId(first_id + i);
         added.front().parent = nodes_[root_id].parent;
 
+        const std::unique_lock lock(nodes_mutex_);
         nodes_[root_id] = added.front();
         nodes_.insert(nodes_.end(), added.begin() + 1, added.end());
         pending_.erase(root_id);
@@ -220,6 +226,7 @@ private:
     PotreeMetadata metadata_;
     CloudInfo info_;
     std::vector<LayeredNode> nodes_;
+    mutable std::shared_mutex nodes_mutex_;  // between read_node and the one thread that adds nodes and needs none to read them
     std::unordered_map<NodeId, ChunkRange> pending_;  // nodes whose children are in a chunk not read yet
     std::map<uint64_t, uint64_t> claimed_;            // begin to end of each chunk that some proxy names
     uint64_t points_listed_ = 0;  // of all nodes so far; never more than metadata.json states

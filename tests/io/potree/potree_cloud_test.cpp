@@ -2,10 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
 #include <set>
+#include <thread>
 
 #include "core/error.h"
 #include "core/math/random.h"
@@ -399,6 +401,32 @@ TEST(PotreeHierarchy, DepthIsBounded) {
     records.resize(records.size() - 22);
     records[22 * kDeepestLevel + 1] = std::byte{0};
     EXPECT_EQ(parse_hierarchy_chunk(records, {}).size(), kDeepestLevel + 1);
+}
+
+// The threads that read nodes go on while another one loads more of the hierarchy.
+TEST(PotreeCloud, NodesAreReadWhileTheHierarchyGrows) {
+    PotreeSet set;
+    set.step = 1;
+    std::string name = "r";
+    for (int32_t level = 0; level < 9; ++level, name += '0') set.nodes[name] = {{.quanta = {level, level, level}}};
+    const std::unique_ptr<LayeredCloud> cloud = open_potree_files(make_potree(set));
+    std::atomic<bool> done = false;
+    std::atomic<uint64_t> reads = 0;
+    std::vector<std::jthread> readers;
+    for (int i = 0; i < 3; ++i)
+        readers.emplace_back([&] {
+            PointBatch batch;
+            while (!done || reads < 100) {
+                cloud->read_node(0, {}, batch);
+                if (batch.size != 1 || batch.x[0] != 0) ADD_FAILURE() << "not the root";
+                ++reads;
+            }
+        });
+    for (NodeId id = 0; id < cloud->node_count(); ++id)
+        if (cloud->node(id).children_pending) cloud->load_children(id);
+    done = true;
+    readers.clear();
+    EXPECT_EQ(cloud->node_count(), 9u);
 }
 
 }  // namespace
