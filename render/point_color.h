@@ -17,6 +17,8 @@ namespace strata {
 /// Values from which to which a color map reaches, in the attribute's own units; the first may be the greater one.
 struct ColorRange {
     double low = 0.0, high = 1.0;
+
+    bool operator==(const ColorRange&) const = default;
 };
 
 /// How a cloud's points get their color: what of a point is shown, and by which rule.
@@ -38,6 +40,7 @@ struct ColorChannel {
 
     /// Whether colors depend on a range of values: the user's, or derive_range's.
     bool needs_range() const { return rule == Rule::rgb || rule == Rule::ramp || rule == Rule::elevation; }
+    bool operator==(const ColorChannel&) const = default;
 };
 
 /// Finds the channel that `--color` names: rgb, intensity, elevation, classification, return, gps-time, source, lod, or

@@ -5,12 +5,12 @@
 #include <cmath>
 #include <limits>
 #include <tuple>
-#include <utility>
 
 #include "core/error.h"
 #include "core/parallel.h"
 #include "render/gl/egl_context.h"
-#include "render/pass/edl_kernel.h"
+#include "render/sample_sums.h"
+#include "render/stream/node_loader.h"
 #include "render/stream/point_cut.h"
 #include "render/stream/shape_field.h"
 
@@ -18,8 +18,7 @@ namespace strata {
 namespace {
 
 constexpr uint64_t kPixelBytes = 48;    // word, G-buffer, finished row, and the pass's textures on software GL
-constexpr uint64_t kPointBytes = 24;    // resident: position, color and shape
-constexpr uint64_t kCutPointBytes = 28; // of the copy that is drawn of nodes that are cut: the same and an index
+constexpr uint64_t kSamplePixelBytes = 52;  // more with several samples: sums, and a G-buffer for those after the first
 constexpr uint64_t kStripPixels = 8 << 20;
 
 // Adds the time since the last call to a row of the report.
@@ -62,11 +61,11 @@ std::pair<float, float> row_range(const Camera& camera, uint32_t height_px, cons
 }
 
 // Copies of the nodes that filter or clip boxes cut, by slot; empty for nodes that are whole.
-std::vector<std::optional<CutNode>> cut_nodes(std::span<const ResidentNode> points, const ClipRegion& clip, int threads) {
+std::vector<std::optional<CutNode>> cut_nodes(std::span<ResidentNode* const> points, const ClipRegion& clip, int threads) {
     std::vector<std::optional<CutNode>> cut(points.size());
     parallel_blocks(threads, points.size(), 1, [&](size_t begin, size_t end) {
         for (size_t slot = begin; slot < end; ++slot)
-            if (coverage(points[slot], clip) != Coverage::whole) cut[slot] = cut_node(points[slot], clip);
+            if (coverage(*points[slot], clip) != Coverage::whole) cut[slot] = cut_node(*points[slot], clip);
     });
     return cut;
 }
@@ -81,7 +80,7 @@ void restore_indices(std::span<PixelId> ids, std::span<const std::optional<CutNo
 }
 
 std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
-                                  std::span<const NodeId> ids, std::span<const ResidentNode> points,
+                                  std::span<const NodeId> ids, std::span<ResidentNode* const> points,
                                   std::span<const std::optional<CutNode>> cut) {
     // The widest splat reaches half its width beyond its point; two more rows cover rounding.
     const double margin_px = 0.5 * settings.splat.widest_px() + 2.0;
@@ -89,7 +88,7 @@ std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camer
     uint64_t rank = 0;
     for (size_t slot = 0; slot < ids.size(); ++slot) {
         PointNode& node = nodes[slot];
-        node.points = cut[slot] ? &cut[slot]->points : &points[slot];
+        node.points = cut[slot] ? &cut[slot]->points : points[slot];
         node.first_rank = uint32_t(rank);
         rank += node.points->size();
         std::tie(node.top_row, node.bottom_row) = row_range(camera, settings.height, cloud.node(ids[slot]).bounds, margin_px);
@@ -99,9 +98,11 @@ std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camer
     return nodes;
 }
 
+uint64_t pixel_bytes(const RenderSettings& settings) { return kPixelBytes + (settings.samples > 1 ? kSamplePixelBytes : 0); }
+
 uint32_t choose_strip_rows(const RenderSettings& settings) {
     if (settings.tile_rows > 0) return std::min(settings.tile_rows, settings.height);
-    const uint64_t pixels = std::clamp<uint64_t>(settings.memory_bytes / 4 / kPixelBytes, settings.width, kStripPixels);
+    const uint64_t pixels = std::clamp<uint64_t>(settings.memory_bytes / 4 / pixel_bytes(settings), settings.width, kStripPixels);
     return uint32_t(std::min<uint64_t>(std::max<uint64_t>(pixels / settings.width, 1), settings.height));
 }
 
@@ -109,7 +110,15 @@ uint32_t choose_strip_rows(const RenderSettings& settings) {
 int edl_reach_px(const RenderSettings& settings) {
     if (!(settings.edl.strength > 0.0f)) return 0;
     const int splat = settings.edl.follow_splats ? std::min(int(settings.splat.widest_px() + 0.5f), 255) : 0;
-    return std::max(settings.edl.reach_px(settings.height, EdlSettings::kScales - 1), splat);
+    return std::max(settings.edl.reach_px(), splat);
+}
+
+NodeCache::Clock::time_point loading_deadline(const RenderSettings& settings, double budget_ms) {
+    using Clock = NodeCache::Clock;
+    if (!settings.wait) return Clock::time_point::min();
+    if (!(settings.time_budget_ms > 0.0)) return Clock::time_point::max();
+    // Half for reading, half for drawing.
+    return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double, std::milli>(0.5 * budget_ms));
 }
 
 void fill_background(std::span<Rgba8> colors, Rgba8 background, int threads) {
@@ -128,31 +137,15 @@ struct Renderer::Gl {
     EdlPass edl;
 };
 
-// Kept from frame to frame: fresh memory costs more than what is written to it.
-struct Renderer::Buffers {
-    PointsPass points;
-    GBuffer gbuffer;
-    std::vector<Rgba8> shaded;
-};
-
-Renderer::Renderer() : buffers_(std::make_unique<Buffers>()) {}
+Renderer::Renderer() = default;
 Renderer::~Renderer() = default;
-
-// Starts GL where a GPU runs it, once. On software GL lighting takes longer than the points.
-void Renderer::start_gl(int threads) {
-    if (std::exchange(gl_tried_, true) || !may_have_gpu()) return;
-    try {
-        gl_ = std::make_unique<Gl>(threads);
-        if (gl_->context.is_software()) gl_.reset();
-    } catch (const Error& error) {
-        if (error.kind != ErrorKind::device) throw;
-    }
-}
 
 RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
                                     const std::function<void(const RenderedRows&)>& on_rows) {
     if (settings.width == 0 || settings.height == 0 || settings.width > kLargestSide || settings.height > kLargestSide)
         throw Error(ErrorKind::usage, "a picture's sides are from 1 to " + std::to_string(kLargestSide) + " pixels");
+    if (settings.samples < 1 || settings.samples > kMostSamples)
+        throw Error(ErrorKind::usage, "1 to " + std::to_string(kMostSamples) + " samples are possible");
     check_camera(camera);
     RenderReport report;
     Stopwatch watch(report);
@@ -160,74 +153,97 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     const uint32_t strip_rows = choose_strip_rows(settings);
     const int reach = edl_reach_px(settings);
     SelectionSettings selection_settings = settings.selection;
-    const uint64_t strip_bytes = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach)) * kPixelBytes;
+    const uint64_t strip_bytes = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach)) * pixel_bytes(settings);
     const ClipRegion clip(settings.clips, cloud.info().quantization);
     selection_settings.memory_bytes = settings.memory_bytes - std::min(settings.memory_bytes, strip_bytes);
     // With a filter every node is copied, as those are that a clip box cuts.
-    selection_settings.point_bytes = kPointBytes + (settings.filter.everything() ? 0 : 1 + kCutPointBytes);
-    selection_settings.cut_point_bytes = settings.filter.everything() ? kCutPointBytes : 0;
+    const bool filtered = !settings.filter.everything();
+    selection_settings.node_bytes = kResidentNodeBytes;
+    selection_settings.point_bytes = kResidentPointBytes + (filtered ? kResidentFilterBytes + kCutPointBytes : 0);
+    selection_settings.cut_point_bytes = filtered ? 0 : kCutPointBytes;
     selection_settings.clip = &clip;
     const Selection selection = settings.filter.nothing() ? Selection()
                                                           : select_nodes(cloud, camera, settings.width, settings.height, selection_settings);
-    report.nodes_drawn = selection.nodes.size();
-    report.error_px = selection.error_px;
-    report.bound_by = selection.bound_by;
     watch.lap("select");
 
-    const ColorRange range = settings.range ? *settings.range
-                             : settings.color.needs_range() ? derive_range(cloud, settings.color)
-                                                            : ColorRange{};
-    const PointColorizer colors(cloud.info(), settings.color, range, settings.colormap);
-    std::vector<ResidentNode> points = load_nodes(cloud, selection.nodes, colors, settings.filter, settings.threads, report.failures);
+    const ResidencySettings residency = {settings.color, settings.colormap, settings.range, settings.filter, settings.threads};
+    if (!resident_ || !resident_->is_for(cloud, residency)) {
+        resident_.reset();  // its memory first
+        resident_ = std::make_unique<ResidentCloud>(cloud, residency);
+    }
+    frames_at_rest_ = last_camera_ == camera ? std::min(frames_at_rest_ + 1, 30u) : 0;
+    last_camera_ = camera;
+    const double budget_ms = settings.time_budget_ms * double(1u << frames_at_rest_);
+    FrameNodes frame = resident_->gather(selection, selection_settings, selection_settings.memory_bytes - std::min(selection_settings.memory_bytes, selection.cut_bytes),
+                                         loading_deadline(settings, budget_ms));
+    report.failures = resident_->take_failures();
     watch.lap("load");
+    const double loaded_ms = watch.total_ms();
+    if (settings.time_budget_ms > 0.0)
+        frame.limit_points(uint64_t(std::max(budget_ms - loaded_ms, 0.0) / ms_per_point_));
+    report.nodes_drawn = frame.ids.size();
+    report.nodes_missing = frame.missing;
+    report.error_px = std::max(selection.error_px, frame.missing_error_px);
+    report.bound_by = frame.missing > 0 ? BoundBy::time : selection.bound_by;
+
     if (settings.splat.fixed_px <= 0.0f) {
-        update_shapes(cloud, selection.nodes, points, settings.threads);
+        update_shapes(cloud, frame.ids, frame.points, settings.threads);
         watch.lap("shapes");
     }
-    const std::vector<std::optional<CutNode>> cut = cut_nodes(points, clip, settings.threads);
-    const std::vector<PointNode> nodes = list_nodes(cloud, camera, settings, selection.nodes, points, cut);
+    const std::vector<std::optional<CutNode>> cut = cut_nodes(frame.points, clip, settings.threads);
+    const std::vector<PointNode> nodes = list_nodes(cloud, camera, settings, frame.ids, frame.points, cut);
     for (const PointNode& node : nodes) report.points_drawn += node.points->size();
     watch.lap("cut");
 
-    if (reach > 0) {
-        start_gl(settings.threads);
+    if (reach > 0 && !gl_) {
+        gl_ = std::make_unique<Gl>(settings.threads);
         watch.lap("gl start");
-        report.edl_by = gl_ ? "gl" : "cpu";
     }
     if (gl_) report.gl_renderer = gl_->context.renderer();
 
-    const PointProjection projection(camera, cloud.info().quantization, settings.width, settings.height);
-    GBuffer& gbuffer = buffers_->gbuffer;
-    std::vector<Rgba8>& shaded = buffers_->shaded;
+    GBuffer first, others;  // depths and identities are those of the first sample, which lies in the middle of the pixel
+    std::vector<Rgba8> shaded;
+    SampleSums sums;
     for (uint32_t row = 0; row < settings.height; row += strip_rows) {
         const uint32_t rows = std::min(strip_rows, settings.height - row);
         // Neighbours of the strip's own rows are drawn with it, so that its seams do not show.
         const uint32_t above = std::min(row, uint32_t(reach)), below = std::min(settings.height - row - rows, uint32_t(reach));
-        PointsPass& pass = buffers_->points;
-        pass.clear(settings.width, row - above, above + rows + below, settings.threads);
-        watch.lap("clear");
-        pass.draw(nodes, projection, settings.splat, settings.threads);
-        watch.lap("points");
-        const ResolveOptions wanted = {.splat_px = reach > 0 && settings.edl.follow_splats, .ids = settings.with_ids};
-        pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
-        restore_indices(gbuffer.ids, cut);
-        watch.lap("resolve");
         const size_t skip = size_t(above) * settings.width, count = size_t(rows) * settings.width;
-        std::span<Rgba8> finished = std::span(gbuffer.colors).subspan(skip, count);
-        if (reach > 0) {
-            shaded.resize(count);
-            if (gl_)
+        std::span<Rgba8> finished;
+        for (uint32_t sample = 0; sample < settings.samples; ++sample) {
+            GBuffer& gbuffer = sample == 0 ? first : others;
+            PointProjection projection(camera, cloud.info().quantization, settings.width, settings.height);
+            const Vec2f offset_px = sample_offset_px(sample, settings.samples);
+            projection.center_x -= offset_px.x();
+            projection.center_y -= offset_px.y();
+            {
+                PointsPass pass(settings.width, row - above, above + rows + below);
+                pass.draw(nodes, projection, settings.splat, settings.threads);
+                watch.lap("points");
+                const ResolveOptions wanted = {.splat_px = reach > 0 && settings.edl.follow_splats, .ids = settings.with_ids && sample == 0};
+                pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
+                restore_indices(gbuffer.ids, cut);
+                watch.lap("resolve");
+            }
+            finished = std::span(gbuffer.colors).subspan(skip, count);
+            if (reach > 0) {
+                shaded.resize(count);
                 gl_->edl.shade(gbuffer, settings.edl, camera, settings.height, above, rows, shaded);
-            else
-                shade_edl(gbuffer, settings.edl, camera, settings.height, above, rows, settings.threads, shaded);
-            finished = shaded;
-            watch.lap("edl");
+                finished = shaded;
+                watch.lap("edl");
+            }
+            fill_background(finished, settings.background, settings.threads);
+            if (settings.samples > 1) sums.add(finished, sample == 0, settings.threads);
         }
-        fill_background(finished, settings.background, settings.threads);
-        on_rows({row, rows, finished, std::span(gbuffer.depths).subspan(skip, count),
-                 settings.with_ids ? std::span(gbuffer.ids).subspan(skip, count) : std::span<PixelId>()});
+        if (settings.samples > 1) {
+            sums.average(finished, settings.threads);
+            watch.lap("samples");
+        }
+        on_rows({row, rows, finished, std::span(first.depths).subspan(skip, count),
+                 settings.with_ids ? std::span(first.ids).subspan(skip, count) : std::span<PixelId>()});
         watch.lap("output");
     }
+    if (report.points_drawn > 0) ms_per_point_ = (watch.total_ms() - loaded_ms) / double(report.points_drawn);
     report.frame_ms = watch.total_ms();
     return report;
 }

@@ -15,7 +15,7 @@
 #include "render/pass/edl_pass.h"
 #include "render/pass/points_pass.h"
 #include "render/point_color.h"
-#include "render/stream/node_loader.h"
+#include "render/stream/resident_cloud.h"
 
 namespace strata {
 
@@ -33,6 +33,10 @@ struct RenderSettings {
     bool with_ids = false;
     int threads = 1;
     uint64_t memory_bytes = uint64_t{2} << 30;
+    uint32_t samples = 1;       // pictures a fraction of a pixel apart that are averaged, in linear light
+    bool wait = true;           // for what is to be drawn; false: draws what is in memory, after the first frame of a cloud
+    double time_budget_ms = 0;  // stop reading and drawing so that a frame takes about so long; doubled with each frame that
+                                // the camera rests, until nothing is missing. 0: no end. With it pictures depend on speed
     uint32_t tile_rows = 0;  // rows in memory at a time, 0: as many as suit; never shows in the picture
 };
 
@@ -47,36 +51,42 @@ struct RenderedRows {
 struct RenderReport {
     uint64_t points_drawn = 0;
     uint64_t nodes_drawn = 0;
+    uint64_t nodes_missing = 0;  // that are still to come: the next frame of this view is better
     double error_px = 0.0;  // what the picture is off by, from selection
     BoundBy bound_by = BoundBy::error;
     std::string gl_renderer;  // empty: no GL was needed
-    std::string edl_by;       // what lit the picture: "cpu" or "gl"; empty: nothing did
     double frame_ms = 0.0;
     std::vector<std::pair<std::string, double>> pass_ms;  // in the order they ran
     LoadFailures failures;
 };
 
-/// Draws frames. Keeps the GL context and its programs from one frame to the next, made when a pass first needs them. Where there
-/// is no GPU, eye-dome lighting is a CPU kernel and needs none.
+/// Draws frames. Keeps from one frame to the next the GL context and its programs, made when a pass first needs them, and
+/// the nodes in memory, as long as cloud, colors and filter stay the same.
 class Renderer {
 public:
     Renderer();
     ~Renderer();
 
     /// Draws the cloud as the camera sees it and hands out the picture from top to bottom, a strip at a time.
-    /// The pixels depend on neither threads nor strips. A node that cannot be read is left out and reported.
-    /// throws  Error{usage} for a camera or size that cannot be
+    /// The pixels depend on neither threads nor strips, nor, if it waits, on what is in memory. A node that cannot be read is
+    /// left out, so that its parent shows, and is reported once. The cloud must outlive the renderer or forget_cloud.
+    /// throws  Error{usage} for a camera or size that cannot be; Error{device} when a pass needs GL and there is none
     RenderReport render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
                               const std::function<void(const RenderedRows&)>& on_rows);
 
-private:
-    struct Buffers;
-    struct Gl;
-    void start_gl(int threads);
+    /// Drops the nodes in memory and stops reading.
+    void forget_cloud() { resident_.reset(); }
+    /// Bytes of nodes in memory or on their way, and the nodes that were read, of the cloud at hand.
+    uint64_t resident_bytes() const { return resident_ ? resident_->cache().used_bytes() : 0; }
+    uint64_t nodes_read() const { return resident_ ? resident_->cache().reads_begun() : 0; }
 
-    std::unique_ptr<Buffers> buffers_;
-    std::unique_ptr<Gl> gl_;  // none: not started, or of no use
-    bool gl_tried_ = false;
+private:
+    struct Gl;
+    std::unique_ptr<Gl> gl_;
+    std::unique_ptr<ResidentCloud> resident_;
+    std::optional<Camera> last_camera_;
+    uint32_t frames_at_rest_ = 0;
+    double ms_per_point_ = 1e-5;  // after loading, of the frame before; a guess until there is one
 };
 
 inline constexpr uint32_t kLargestSide = 16384;  // pixels of a picture's side

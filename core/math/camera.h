@@ -23,6 +23,11 @@ struct Camera {
     Vec3d right() const { return view_from_world.row(0).transpose(); }
     Vec3d up() const { return view_from_world.row(1).transpose(); }
     Vec3d forward() const { return -view_from_world.row(2).transpose(); }
+
+    bool operator==(const Camera& other) const {
+        return projection == other.projection && eye == other.eye && view_from_world == other.view_from_world &&
+               fov_rad == other.fov_rad && height == other.height && near_depth == other.near_depth && far_depth == other.far_depth;
+    }
 };
 
 /// The rotation that looks along `forward` with `up` upwards in the picture. Neither need have length 1.

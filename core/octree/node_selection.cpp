@@ -58,24 +58,25 @@ Selection select_nodes(LayeredCloud& cloud, const Camera& camera, uint32_t width
     if (visible(cloud.node(cloud.root())))
         queue.push({std::numeric_limits<double>::infinity(), cloud.node(cloud.root()).key, cloud.root()});
     uint64_t used_bytes = 0;
+    std::vector<Candidate> chosen_nodes;
     while (!queue.empty()) {
         const Candidate next = queue.top();
         queue.pop();
         const LayeredNode& chosen = cloud.node(next.id);
-        const uint64_t point_bytes =
-            settings.point_bytes + (coverage(chosen) == Coverage::part ? settings.cut_point_bytes : 0);
-        const uint64_t bytes = settings.node_bytes + chosen.points * point_bytes;
+        const uint64_t cut_bytes = coverage(chosen) == Coverage::part ? chosen.points * settings.cut_point_bytes : 0;
+        const uint64_t bytes = settings.node_bytes + chosen.points * settings.point_bytes + cut_bytes;
         const bool over_budget = chosen.points > settings.point_budget - std::min(settings.point_budget, selection.points);
         const bool over_memory = bytes > settings.memory_bytes - std::min(settings.memory_bytes, used_bytes);
         // The root is always drawn: a picture of nothing answers no question.
-        if (!selection.nodes.empty() && (over_budget || over_memory)) {
+        if (!chosen_nodes.empty() && (over_budget || over_memory)) {
             selection.bound_by = over_memory ? BoundBy::memory : BoundBy::budget;
             selection.error_px = std::max(selection.error_px, next.error_px);
             break;
         }
         selection.points += chosen.points;
+        selection.cut_bytes += cut_bytes;
         used_bytes += bytes;
-        selection.nodes.push_back(next.id);
+        chosen_nodes.push_back(next);
         const double error = cloud.node(next.id).error;
         const double own_error_px = projected(error, cloud.node(next.id).bounds);
         if (own_error_px <= settings.error_px) {
@@ -94,8 +95,11 @@ Selection select_nodes(LayeredCloud& cloud, const Camera& camera, uint32_t width
                 selection.error_px = std::max(selection.error_px, error_px);
         }
     }
-    std::sort(selection.nodes.begin(), selection.nodes.end(),
-              [&](NodeId a, NodeId b) { return cloud.node(a).key < cloud.node(b).key; });
+    std::sort(chosen_nodes.begin(), chosen_nodes.end(), [](const Candidate& a, const Candidate& b) { return a.key < b.key; });
+    for (const Candidate& node : chosen_nodes) {
+        selection.nodes.push_back(node.id);
+        selection.errors_px.push_back(node.error_px);
+    }
     return selection;
 }
 

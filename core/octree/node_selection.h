@@ -17,12 +17,14 @@ struct SelectionSettings {
     const ClipRegion* clip = nullptr;  // nodes that it leaves nothing of are neither drawn nor refined
 };
 
-/// What stopped the refinement of a view.
-enum class BoundBy { error, budget, memory };
+/// What stopped the refinement of a view. Selection knows no time: whoever draws may.
+enum class BoundBy { error, budget, memory, time };
 
 /// The nodes to draw for a view.
 struct Selection {
     std::vector<NodeId> nodes;  // ascending by key; parents always come with their children
+    std::vector<double> errors_px;  // [nodes] what leaving the node out costs: less than its parent; infinite at the root
+    uint64_t cut_bytes = 0;  // of the memory, what copies of cut nodes may take
     uint64_t points = 0;    // of the nodes; at most so many are drawn after cutting
     double error_px = 0.0;  // bound reached: no point in sight is farther from a drawn one, as projected
     BoundBy bound_by = BoundBy::error;

@@ -1,10 +1,6 @@
 #include "render/stream/node_loader.h"
 
 #include <algorithm>
-#include <mutex>
-
-#include "core/error.h"
-#include "core/parallel.h"
 
 namespace strata {
 namespace {
@@ -23,42 +19,22 @@ void find_extent(ResidentNode& node) {
 
 }  // namespace
 
-std::vector<ResidentNode> load_nodes(const LayeredCloud& cloud, std::span<const NodeId> nodes, const PointColorizer& colors,
-                                     const PointFilter& filter, int threads, LoadFailures& failures) {
-    std::vector<int> wanted(colors.wanted().begin(), colors.wanted().end());
-    for (const int attribute : filter.wanted())
-        if (std::find(wanted.begin(), wanted.end(), attribute) == wanted.end()) wanted.push_back(attribute);
-    std::vector<ResidentNode> loaded(nodes.size());
-    size_t first_failed = nodes.size();
-    std::mutex failures_mutex;
-    parallel_blocks(threads, nodes.size(), 1, [&](size_t begin, size_t end) {
-        PointBatch batch;
-        for (size_t i = begin; i < end; ++i) {
-            ResidentNode& node = loaded[i];
-            try {
-                cloud.read_node(nodes[i], wanted, batch);
-            } catch (const Error& error) {
-                const std::lock_guard lock(failures_mutex);
-                ++failures.count;
-                if (i < first_failed) {
-                    first_failed = i;
-                    failures.first = error.what();
-                }
-                continue;
-            }
-            node.colors.resize(batch.size);
-            colors.color(batch, cloud.node(nodes[i]).key.level, node.colors);
-            if (!filter.everything()) {
-                node.passes.assign(batch.size, 1);
-                filter.test(batch, cloud.node(nodes[i]).key.level, node.passes);
-            }
-            node.x = std::move(batch.x);
-            node.y = std::move(batch.y);
-            node.z = std::move(batch.z);
-            find_extent(node);
-        }
-    });
-    return loaded;
+ResidentNode load_node(const LayeredCloud& cloud, const NodeRequest& request, std::span<const int> attributes,
+                       const PointColorizer& colors, const PointFilter& filter) {
+    PointBatch batch;
+    cloud.read_node(request.id, attributes, batch);
+    ResidentNode node;
+    node.colors.resize(batch.size);
+    colors.color(batch, request.level, node.colors);
+    if (!filter.everything()) {
+        node.passes.assign(batch.size, 1);
+        filter.test(batch, request.level, node.passes);
+    }
+    node.x = std::move(batch.x);
+    node.y = std::move(batch.y);
+    node.z = std::move(batch.z);
+    find_extent(node);
+    return node;
 }
 
 }  // namespace strata

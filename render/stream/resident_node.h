@@ -53,4 +53,8 @@ struct ResidentNode {
     size_t size() const { return x.size(); }
 };
 
+/// What a resident node takes in memory at most, without a filter, with its entry in the cache and its measured shapes.
+inline constexpr uint64_t kResidentNodeBytes = 5 * 1024, kResidentPointBytes = 24;
+inline constexpr uint64_t kResidentFilterBytes = 1;  // more a point
+
 }  // namespace strata

@@ -11,6 +11,6 @@ namespace strata {
 /// are drawn between them. Nodes are measured when first seen; shapes are kept while the nodes drawn below stay the same.
 /// nodes   ascending by key, parents with their children; points as many
 /// cost    0.2 ms a node and 10 ns a point when first seen, nothing for what stays
-void update_shapes(const LayeredCloud& cloud, std::span<const NodeId> nodes, std::span<ResidentNode> points, int threads);
+void update_shapes(const LayeredCloud& cloud, std::span<const NodeId> nodes, std::span<ResidentNode* const> points, int threads);
 
 }  // namespace strata
