@@ -41,6 +41,7 @@ std::string_view bound_name(BoundBy bound) {
         case BoundBy::error: return "error";
         case BoundBy::budget: return "budget";
         case BoundBy::memory: return "memory";
+        case BoundBy::time: return "time";
     }
     return "";
 }
@@ -68,7 +69,6 @@ nlohmann::ordered_json stats_json(const RenderRequest& request, const RenderRepo
                                     {"bound_by", bound_name(report.bound_by)},
                                     {"rasterizer", "cpu"},
                                     {"gl_renderer", report.gl_renderer},
-                                    {"edl_by", report.edl_by},
                                     {"frame_ms", report.frame_ms},
                                     {"pass_ms", nlohmann::ordered_json::object()},
                                     {"size", {settings.width, settings.height}},

@@ -14,6 +14,7 @@
 #include "core/error.h"
 #include "render/colormap.h"
 #include "render/named_view.h"
+#include "render/sample_sums.h"
 
 namespace strata {
 namespace {
@@ -39,7 +40,9 @@ constexpr OptionRow kRows[] = {
     {"--clip", "", "BOX[;BOX...]", "", "draw only what is in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units, faces included; a number left out is open. Views are framed around the boxes"},
     {"--clip-out", "", "BOX[;BOX...]", "", "draw nothing that is in a box"},
     {"--filter", "", "NAME=VALUES[;...]", "", "draw only points whose values are among these: 'class=2,6;return=1;intensity=100:2000'; names as for --color"},
-    {"--edl", "", "STRENGTH[,RADIUS]", "0.7", "eye-dome lighting: how dark slopes get, and how far neighbors lie, in thousandths of the height; default radius: 2, or a splat where larger; 0: off"},
+    {"--edl", "", "STRENGTH[,RADIUS]", "0.7", "eye-dome lighting: how dark slopes get, and pixels to the neighbors; default radius: 2, or a splat where larger; 0: off"},
+    {"--samples", "", "N", "1", "average so many pictures a fraction of a pixel apart: smooth edges; depth and sizes are as with 1"},
+    {"--time-budget", "", "MILLISECONDS", "0", "stop reading and drawing finer nodes so that the picture takes about so long; 0: take the time it needs"},
     {"--background", "", "COLOR", "#181c24", "'#rrggbb'"},
     {"--transparent", "", "", "", "no background: alpha 0 where there are no points"},
     {"--depth", "", "FILE.pfm", "", "also writes the depth along the view direction, CRS units, infinite at the background"},
@@ -93,9 +96,9 @@ EdlSettings parse_edl(const std::string& text) {
     const size_t comma = std::min(text.find(','), text.size());
     edl.strength = float(parse_double("--edl", std::string_view(text).substr(0, comma), expected, text));
     edl.follow_splats = comma == text.size();
-    if (comma < text.size()) edl.radius = 1e-3f * float(parse_double("--edl", std::string_view(text).substr(comma + 1), expected, text));
+    if (comma < text.size()) edl.radius_px = float(parse_double("--edl", std::string_view(text).substr(comma + 1), expected, text));
     if (!(edl.strength >= 0.0f && edl.strength <= 1000.0f)) refuse("--edl", "a strength from 0 to 1000", text);
-    if (!(edl.radius >= 1e-4f && edl.radius <= 0.05f)) refuse("--edl", "a radius from 0.1 to 50 thousandths of the height", text);
+    if (!(edl.radius_px >= 0.5f && edl.radius_px <= 64.0f)) refuse("--edl", "a radius from 0.5 to 64 pixels", text);
     return edl;
 }
 
@@ -241,6 +244,8 @@ void check_render_options(const Options& options) {
     if (!(options.number("--error") > 0.0)) refuse("--error", "a positive number of pixels", options.text("--error"));
     options.integer("--budget", 1, 0xfffffffe);
     options.integer("--tile", 0, kLargestSide);
+    options.integer("--samples", 1, kMostSamples);
+    if (!(options.number("--time-budget") >= 0.0)) refuse("--time-budget", "milliseconds, not negative", options.text("--time-budget"));
     parse_clips(options);
     if (options.given("--filter")) parse_filter("--filter", options.text("--filter"));
     if (!(options.number("--threshold") >= 0.0)) refuse("--threshold", "a number that is not negative", options.text("--threshold"));
@@ -282,6 +287,8 @@ RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
         settings.range = ColorRange{range[0], range[1]};
     }
 
+    settings.samples = uint32_t(options.integer("--samples", 1, kMostSamples));
+    settings.time_budget_ms = options.number("--time-budget");
     settings.clips = parse_clips(options);
     if (options.given("--filter")) {
         try {
