@@ -44,7 +44,7 @@ void BeamScanner::meet_leaves(const LeafSpan& span, const Ray& ray, Random& rand
         t -= std::log(1.0 - random.uniform()) / Crown::kDensest;
         if (t >= span.leave) break;
         const Vec3d p = ray.at(t);
-        if (random.uniform() * Crown::kDensest >= span.crown->density(p)) continue;
+        if (!span.crown->leaves_at(p, random.uniform())) continue;
         const double share = random.uniform(0.3, 0.85);
         echoes_[count++] = {t, share, p, -ray.direction, Part::leaf, &span};
         open *= 1.0 - share;

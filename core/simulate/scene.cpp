@@ -53,7 +53,7 @@ void SceneProbe::trace(const Ray& ray, double farthest, double beam_radius, Beam
     }
     const Vec3d start = ray.at(t);
     int64_t column = tile_index(start.x()), row = tile_index(start.y());
-    const Vec2d pace(1.0 / ray.direction.x(), 1.0 / ray.direction.y());
+    const Vec3d pace = ray.direction.cwiseInverse();
     AxisWalk x(ray.origin.x(), pace.x(), column, -0.5 * kTileSize, kTileSize);
     AxisWalk y(ray.origin.y(), pace.y(), row, -0.5 * kTileSize, kTileSize);
     while (t < farthest) {
@@ -84,7 +84,7 @@ void SceneProbe::trace(const Ray& ray, double farthest, double beam_radius, Beam
     path.wire_count = kept;
 }
 
-void SceneProbe::trace_tile(const SceneTile& tile, const Ray& ray, const Vec2d& pace, double enter, double leave, double beam_radius, BeamPath& path) {
+void SceneProbe::trace_tile(const SceneTile& tile, const Ray& ray, const Vec3d& pace, double enter, double leave, double beam_radius, BeamPath& path) {
     const double oz = ray.origin.z(), dz = ray.direction.z();
     if (dz < 0.0) enter = std::max(enter, (tile.top - oz) / dz);
     else if (dz > 0.0) leave = std::min(leave, (tile.top - oz) / dz);
@@ -101,7 +101,7 @@ void SceneProbe::trace_tile(const SceneTile& tile, const Ray& ray, const Vec2d& 
         const SceneTile::Cell& here = tile.cell(cell.x(), cell.y());
         const double lowest = oz + dz * (dz < 0.0 ? next : t);
         if (lowest <= here.top) {
-            if (here.count > 0) meet_items(tile, tile.items_of(here), ray, beam_radius, path);
+            if (here.count > 0) meet_items(tile, tile.items_of(here), ray, pace, beam_radius, path);
             if (lowest <= here.ground_top) {
                 const double reach = dz < 0.0 ? std::max(t, (here.ground_top - oz) / dz) : t;
                 meet_ground(tile, tile.patch(cell.x(), cell.y()), ray, reach, std::min(next, path.hard.distance), path);
@@ -120,12 +120,12 @@ void SceneProbe::trace_tile(const SceneTile& tile, const Ray& ray, const Vec2d& 
     }
 }
 
-void SceneProbe::meet_items(const SceneTile& tile, std::span<const SceneTile::Item> items, const Ray& ray, double beam_radius, BeamPath& path) {
+void SceneProbe::meet_items(const SceneTile& tile, std::span<const SceneTile::Item> items, const Ray& ray, const Vec3d& pace, double beam_radius, BeamPath& path) {
     for (const SceneTile::Item& item : items) {
         switch (item.kind) {
             case SceneTile::ItemKind::building:
                 for (const ConvexSolid& solid : tile.buildings[item.index].solids)
-                    if (solid.meet(ray, path.hard)) {
+                    if (solid.may_meet(ray, pace, path.hard.distance) && solid.meet(ray, path.hard)) {
                         path.hard.owner = item.index;
                         path.tile = &tile;
                     }

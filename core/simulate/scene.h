@@ -81,8 +81,8 @@ private:
     static constexpr size_t kTilesKept = 24;  // more than any beam crosses; about 1 MB each
 
     const SceneTile& tile_at(int64_t column, int64_t row);
-    void trace_tile(const SceneTile& tile, const Ray& ray, const Vec2d& pace, double enter, double leave, double beam_radius, BeamPath& path);
-    void meet_items(const SceneTile& tile, std::span<const SceneTile::Item> items, const Ray& ray, double beam_radius, BeamPath& path);
+    void trace_tile(const SceneTile& tile, const Ray& ray, const Vec3d& pace, double enter, double leave, double beam_radius, BeamPath& path);
+    void meet_items(const SceneTile& tile, std::span<const SceneTile::Item> items, const Ray& ray, const Vec3d& pace, double beam_radius, BeamPath& path);
     void meet_ground(const SceneTile& tile, const GroundPatch& patch, const Ray& ray, double enter, double leave, BeamPath& path) const;
     void meet_water(const SceneTile& tile, const Ray& ray, double enter, double leave, BeamPath& path) const;
     NearestPoint nearest_ground(const Vec3d& query);

@@ -110,6 +110,18 @@ void ConvexSolid::close() {
     }
 }
 
+bool ConvexSolid::may_meet(const Ray& ray, const Vec3d& pace, double farthest) const {
+    constexpr double kMargin = 1e-6;  // metres; rounding must not lose an edge
+    double enter = 0.0, leave = farthest;
+    for (const int axis : {0, 1, 2}) {
+        const double low = (bounds.min[axis] - kMargin - ray.origin[axis]) * pace[axis];
+        const double high = (bounds.max[axis] + kMargin - ray.origin[axis]) * pace[axis];
+        enter = std::max(enter, std::min(low, high));
+        leave = std::min(leave, std::max(low, high));
+    }
+    return enter <= leave;
+}
+
 bool ConvexSolid::meet(const Ray& ray, RayHit& nearest) const {
     double enter = 0.0, leave = nearest.distance;
     const Face* entered = nullptr;
@@ -240,6 +252,10 @@ double Wire::nearest_parameter(const Vec3d& query) const {
 }
 
 bool Crown::span(const Ray& ray, double& enter, double& leave) const {
+    // Most beams pass beside the cylinder around it.
+    const double dx = ray.direction.x(), dy = ray.direction.y();
+    const double across = (center.x() - ray.origin.x()) * dy - (center.y() - ray.origin.y()) * dx;
+    if (across * across > 1.0001 * radius * radius * (dx * dx + dy * dy)) return false;
     // In units of the ellipsoid it is a unit ball.
     const Vec3d scale(1.0 / radius, 1.0 / radius, 1.0 / half_height);
     const Vec3d o = (ray.origin - center).cwiseProduct(scale), d = ray.direction.cwiseProduct(scale);
@@ -252,7 +268,7 @@ bool Crown::span(const Ray& ray, double& enter, double& leave) const {
     return leave > enter;
 }
 
-double Crown::density(const Vec3d& p) const {
+bool Crown::leaves_at(const Vec3d& p, double share) const {
     const Vec3d q = p - center;
     const double level = q.z() / half_height;                          // -1 at the foot, 1 at the tip
     const double reach = std::sqrt(q.x() * q.x() + q.y() * q.y()) / radius;
@@ -260,17 +276,17 @@ double Crown::density(const Vec3d& p) const {
     if (kind == Crown::Kind::conifer) {
         outline = 0.56 * (1.0 - level) * (0.82 + 0.18 * std::abs(std::fmod(p.z() + 100.0 + double(seed % 7) * 0.1, 0.9) / 0.45 - 1.0));
         if (level < -0.92) outline = 0.0;
-        if (reach > outline) return 0.0;
+        if (reach > outline) return false;
     } else if (reach * reach + level * level > 1.0) {
-        return 0.0;
+        return false;
     }
     const double depth = kind == Crown::Kind::conifer ? reach / (outline + 1e-9) : std::sqrt(reach * reach + level * level);
-    // Leaves hang in clumps, most of them on the outside.
+    if (depth <= 0.55 && share >= 0.35) return false;  // most leaves are on the outside,
+    // and hang in clumps. Told last, because the noise costs more than all before it.
     const double clump_size = kind == Crown::Kind::bush ? 0.35 : kind == Crown::Kind::conifer ? 0.5 : 0.9;
-    const double clump = smooth_noise(p.x() / clump_size, p.y() / clump_size, p.z() / clump_size, seed);
-    const double outer = depth > 0.55 ? 1.0 : 0.35;
     const double edge = depth > 0.8 ? (1.0 - depth) * 4.0 : 1.0;  // frayed towards the outline
-    return clump < 0.62 - 0.3 * std::min(1.0, edge) ? 0.0 : kDensest * outer;
+    const double clump = smooth_noise(p.x() / clump_size, p.y() / clump_size, p.z() / clump_size, seed);
+    return clump >= 0.62 - 0.3 * std::min(1.0, edge);
 }
 
 }  // namespace strata

@@ -72,6 +72,8 @@ public:
     /// Finds the faces' outlines, corners and the bounds. Once, after the last plane. The solid must be bounded.
     void close();
 
+    /// May the ray meet the solid before `farthest`? Cheap; `pace`: 1 / direction, of each axis.
+    bool may_meet(const Ray& ray, const Vec3d& pace, double farthest) const;
     bool meet(const Ray& ray, RayHit& nearest) const;  // true: `nearest` was replaced by something nearer
     bool contains(const Vec3d& p, double margin) const;  // deeper than margin
     /// Calls offer(candidate, normal, part, face) with the nearest point of each piece of the surface.
@@ -117,9 +119,10 @@ struct Crown {
 
     /// The part of the ray inside the ellipsoid. returns false when it misses
     bool span(const Ray& ray, double& enter, double& leave) const;
-    /// Leaf area per volume that a beam meets, 1/m; 0 outside, at most kDensest.
-    double density(const Vec3d& p) const;
-    static constexpr double kDensest = 2.4;
+    /// Do leaves hang at p where `share` of the densest is asked for? For a share drawn evenly from [0, 1), the chance is the leaf area
+    /// per volume that a beam meets, over kDensest.
+    bool leaves_at(const Vec3d& p, double share) const;
+    static constexpr double kDensest = 2.4;  // 1/m
 };
 
 /// The point of a convex polygon nearest to p, both in one plane or not.

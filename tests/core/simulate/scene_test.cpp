@@ -48,8 +48,8 @@ TEST(Terrain, SlopeAndCurvatureAreDerivativesOfTheHeight) {
     }
 }
 
-// A unit cube with one opening: distances by hand.
-TEST(ConvexSolid, NearestPointsOfABoxWithAWindow) {
+// From the origin to (2, 2, 2).
+ConvexSolid make_box() {
     ConvexSolid box;
     for (int axis = 0; axis < 3; ++axis)
         for (const double side : {0.0, 2.0}) {
@@ -59,6 +59,45 @@ TEST(ConvexSolid, NearestPointsOfABoxWithAWindow) {
             box.add_plane(normal, point, Part::wall);
         }
     box.close();
+    return box;
+}
+
+// Beams that the quick tests turn away are those that miss: a box is its own bounds, and a crown by its quadratic equation.
+TEST(QuickTests, TurnAwayOnlyBeamsThatMiss) {
+    const ConvexSolid box = make_box();
+    const Crown crown{.center = Vec3d(1.0, 1.0, 1.0), .radius = 0.7, .half_height = 1.9};
+    Random random(8);
+    int hits = 0, spans = 0;
+    for (int i = 0; i < 20'000; ++i) {
+        Vec3d direction(random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0));
+        if (i % 4 == 0) direction[i / 4 % 3] = 0.0;
+        if (i % 8 == 0) direction[(i / 4 + 1) % 3] = 0.0;
+        if (direction.norm() < 1e-3) continue;
+        const Ray ray{Vec3d(random.uniform(-4.0, 6.0), random.uniform(-4.0, 6.0), random.uniform(-4.0, 6.0)), direction.normalized()};
+        RayHit hit;
+        const bool met = box.meet(ray, hit), may = box.may_meet(ray, ray.direction.cwiseInverse(), INFINITY);
+        const bool inside = box.contains(ray.origin, 0.0);
+        ASSERT_EQ(may, met || inside) << i;
+        if (met) {
+            ASSERT_FALSE(box.may_meet(ray, ray.direction.cwiseInverse(), hit.distance - 1e-3)) << i;
+        }
+        hits += met;
+
+        const Vec3d scale(1.0 / 0.7, 1.0 / 0.7, 1.0 / 1.9);
+        const Vec3d o = (ray.origin - crown.center).cwiseProduct(scale), d = ray.direction.cwiseProduct(scale);
+        const double nearest2 = (o - o.dot(d) / d.squaredNorm() * d).squaredNorm();
+        const bool through = nearest2 < 1.0 && (o.squaredNorm() < 1.0 || o.dot(d) < 0.0);
+        double enter = 0.0, leave = 0.0;
+        ASSERT_EQ(crown.span(ray, enter, leave), through) << i;
+        spans += through;
+    }
+    EXPECT_GT(hits, 300);
+    EXPECT_GT(spans, 300);
+}
+
+// A cube with one opening: distances by hand.
+TEST(ConvexSolid, NearestPointsOfABoxWithAWindow) {
+    ConvexSolid box = make_box();
     for (Face& face : box.faces)
         if (face.normal.x() > 0.5) face.openings.push_back({0.5, 1.5, 0.5, 1.5});
     const auto distance = [&](const Vec3d& query) {
