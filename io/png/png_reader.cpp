@@ -44,12 +44,18 @@ void on_read(png_structp png, png_bytep out, size_t size) {
     png_error(png, decoder.offset + size > decoder.source.size() ? "the file ends too early" : "reading failed");
 }
 
-// Reads the header and asks for 8-bit RGBA. returns false when libpng gave up
+// returns false when libpng gave up, as the others do
 bool read_header(Decoder& decoder) {
     if (setjmp(png_jmpbuf(decoder.png))) return false;
     png_set_user_limits(decoder.png, 0x7fffffff, 0x7fffffff);  // pixels are limited by the caller, sides by the format
     png_set_chunk_malloc_max(decoder.png, 8 << 20);            // compressed text and profiles that unpack to gigabytes
     png_read_info(decoder.png, decoder.info);
+    return true;
+}
+
+// As 8-bit RGBA. libpng takes memory for two rows here, and fills one: only once the width is believed.
+bool start_rows(Decoder& decoder) {
+    if (setjmp(png_jmpbuf(decoder.png))) return false;
     png_set_expand(decoder.png);
     png_set_strip_16(decoder.png);
     png_set_gray_to_rgb(decoder.png);
@@ -98,6 +104,7 @@ PngPicture decode_png(const std::string& path) {
     if (pixels > most_pixels)
         throw Error(ErrorKind::malformed, path + ": header: " + std::to_string(pixels) + " pixels cannot come from " +
                                               std::to_string(source->size()) + " bytes");
+    if (!start_rows(decoder)) throw malformed(decoder);
     picture.rgba.resize(pixels);
     std::vector<png_bytep> rows(picture.height);
     for (uint32_t y = 0; y < picture.height; ++y)

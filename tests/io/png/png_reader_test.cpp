@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <png.h>
+#include <sys/resource.h>
 #include <zlib.h>
 
 #include <csetjmp>
@@ -35,6 +36,12 @@ std::string small_png(const TemporaryFolder& folder, std::vector<uint32_t>& rgba
     writer.write_rows(rgba);
     writer.finish();
     return read_all(folder.file("good.png"));
+}
+
+int64_t peak_memory_kib() {
+    rusage usage{};
+    ::getrusage(RUSAGE_SELF, &usage);
+    return usage.ru_maxrss;
 }
 
 TEST(PngReader, EveryTruncationIsRefusedInOneLine) {
@@ -97,11 +104,14 @@ TEST(PngReader, SidesAreHeldAgainstTheFileBeforeMemoryIsTaken) {
         }
         return Error(ErrorKind::device, "nothing was thrown");
     };
+    const int64_t before_kib = peak_memory_kib();
     EXPECT_EQ(with_sides(0x7fffffff, 0x7fffffff).kind, ErrorKind::limit);
+    EXPECT_EQ(with_sides(0x7fffffff, 1).kind, ErrorKind::limit);
     EXPECT_EQ(with_sides(16384, 16385).kind, ErrorKind::limit);
     EXPECT_EQ(with_sides(16384, 16384).kind, ErrorKind::malformed);
     EXPECT_EQ(with_sides(0, 9).kind, ErrorKind::malformed);
     EXPECT_EQ(with_sides(0x80000000u, 1).kind, ErrorKind::malformed);
+    EXPECT_LT(peak_memory_kib() - before_kib, 64 << 10);  // a row of the first would take 8 GiB
 }
 
 TEST(PngReader, OtherFilesAreNamed) {
