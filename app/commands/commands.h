@@ -7,6 +7,7 @@
 namespace strata {
 
 // One function a subcommand, each in a file of its name.
+Command bench_command();
 Command convert_command();
 Command info_command();
 Command render_command();

@@ -67,6 +67,8 @@ double parse_double(std::string_view flag, std::string_view text, const std::str
     return value;
 }
 
+}  // namespace
+
 std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {
     const std::string expected = "WIDTHxHEIGHT with sides from 1 to " + std::to_string(kLargestSide);
     uint32_t sides[2] = {0, 0};
@@ -79,6 +81,8 @@ std::pair<uint32_t, uint32_t> parse_size(const std::string& text) {
         if (side < 1 || side > kLargestSide) refuse("--size", expected, text);
     return {sides[0], sides[1]};
 }
+
+namespace {
 
 Rgba8 parse_color(const std::string& text) {
     uint32_t value = 0;

@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "app/options.h"
@@ -23,6 +24,9 @@ struct RenderRequest {
 };
 
 std::span<const OptionRow> render_option_rows();
+
+/// Width and height of "640x360". throws Error{usage} that names --size
+std::pair<uint32_t, uint32_t> parse_size(const std::string& text);
 
 /// Checks everything that needs no cloud, so that a wrong command line costs no reading.
 void check_render_options(const Options& options);

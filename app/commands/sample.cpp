@@ -6,10 +6,8 @@
 #include "app/commands/commands.h"
 #include "app/progress.h"
 #include "app/quantity_text.h"
+#include "app/simulated_scan.h"
 #include "core/error.h"
-#include "core/simulate/scan_cloud.h"
-#include "core/simulate/scan_stream.h"
-#include "io/las/las_writer.h"
 
 namespace strata {
 namespace {
@@ -50,30 +48,18 @@ int run(const Options& options) {
     const int threads = thread_count(options);
     const bool quiet = options.given("--quiet"), json = options.given("--json");
 
-    LasWriter writer(path, {.quantization = scan_quantization(), .crs_wkt = std::string(scan_crs()), .attributes = scan_attributes(),
-                            .system_identifier = "strata scan simulator", .generating_software = "strata sample",
-                            .creation_day = 1, .creation_year = 2026, .overwrite = options.given("--overwrite")},
-                     settings.points);
-    const VillageScene scene(settings.seed);
-    const Survey survey(scene, settings);
     ProgressLine progress(quiet || json);
     const auto begin = std::chrono::steady_clock::now();
-    PointBatch batch;
-    stream_scan(scene, survey, threads, [&](std::span<const ScanPoint> points) {
-        fill_scan_batch(points, batch);
-        writer.write(batch);
-        progress.update("scanning", writer.points(), settings.points);
-    });
-    const uint64_t bytes = writer.size_bytes();
-    writer.finish();
+    const uint64_t bytes = write_simulated_scan(path, VillageScene(settings.seed), settings, threads, options.given("--overwrite"), Durability::synced,
+                                                [&](uint64_t points) { progress.update("scanning", points, settings.points); });
     progress.clear();
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     if (json) {
-        const nlohmann::ordered_json report = {{"output", path}, {"points_written", writer.points()}, {"output_bytes", bytes}, {"seconds", seconds},
+        const nlohmann::ordered_json report = {{"output", path}, {"points_written", settings.points}, {"output_bytes", bytes}, {"seconds", seconds},
                                                {"scene", "village"}, {"mode", options.text("--mode")}, {"noise", settings.noise}, {"seed", settings.seed}};
         std::printf("%s\n", report.dump().c_str());
     } else if (!quiet) {
-        std::fprintf(stderr, "%s: %s points, %s, %.1f s\n", path.c_str(), with_commas(writer.points()).c_str(), size_text(bytes).c_str(), seconds);
+        std::fprintf(stderr, "%s: %s points, %s, %.1f s\n", path.c_str(), with_commas(settings.points).c_str(), size_text(bytes).c_str(), seconds);
     }
     return 0;
 }

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <array>
+#include <string_view>
+
+#include "render/renderer.h"
+
+namespace strata {
+
+/// A way to draw points: what it changes of the settings. A new one is a row here; every report shows it then.
+struct SplatKind {
+    std::string_view name;
+    void (*apply)(RenderSettings&);
+};
+inline constexpr std::array<SplatKind, 3> kSplatKinds = {{
+    {"square", [](RenderSettings& settings) { settings.splat.shape = SplatShape::square; }},
+    {"disc", [](RenderSettings& settings) { settings.splat.shape = SplatShape::disc; }},
+    {"paraboloid", [](RenderSettings& settings) { settings.splat.shape = SplatShape::paraboloid; }},
+}};
+
+}  // namespace strata
