@@ -46,6 +46,8 @@ inline constexpr std::string_view kPointSourceId = "point source id";
 inline constexpr std::string_view kGpsTime = "gps-time";
 inline constexpr std::string_view kRgb = "rgb";
 inline constexpr std::string_view kNearInfrared = "nir";
+inline constexpr std::string_view kNormal[3] = {"NormalX", "NormalY", "NormalZ"};
+inline constexpr std::string_view kDensity = "density";  // points per square unit of surface
 }  // namespace attribute_name
 
 /// Index of the attribute of that name, or -1.

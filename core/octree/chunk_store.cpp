@@ -1,5 +1,6 @@
 #include "core/octree/chunk_store.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "core/error.h"
@@ -9,7 +10,7 @@ namespace strata {
 Error changed_source() { return {ErrorKind::malformed, "the points changed between the first and the second reading"}; }
 
 ChunkStore::ChunkStore(const Partition& partition, size_t record_size, ScratchStore* scratch)
-    : scratch_(scratch), begin_{0}, used_(new std::atomic<uint64_t>[partition.chunks().size()]()) {
+    : record_size_(record_size), scratch_(scratch), begin_{0}, used_(new std::atomic<uint64_t>[partition.chunks().size()]()) {
     for (const Partition::Chunk& chunk : partition.chunks()) begin_.push_back(begin_.back() + chunk.points * record_size);
     if (!scratch_) memory_ = std::make_unique_for_overwrite<std::byte[]>(begin_.back());
 }
@@ -24,12 +25,46 @@ void ChunkStore::add(uint32_t chunk, std::span<const std::byte> records) {
 }
 
 void ChunkStore::load(uint32_t chunk, std::vector<std::byte>& records) const {
-    if (used_[chunk] != begin_[chunk + 1] - begin_[chunk]) throw changed_source();
+    check_complete(chunk);
     records.resize(used_[chunk]);
     if (scratch_)
         scratch_->read(begin_[chunk], records);
     else
         std::memcpy(records.data(), memory_.get() + begin_[chunk], records.size());
+}
+
+void ChunkStore::check_complete(uint32_t chunk) const {
+    if (used_[chunk] != begin_[chunk + 1] - begin_[chunk]) throw changed_source();
+}
+
+// body(offset, size) of ranges of whole records that are worth a read.
+template <typename Body>
+void ChunkStore::for_each_piece(uint32_t chunk, const Body& body) const {
+    constexpr uint64_t kPieceBytes = 1 << 20;
+    check_complete(chunk);
+    const uint64_t step = std::max<uint64_t>(kPieceBytes / record_size_, 1) * record_size_;
+    for (uint64_t at = begin_[chunk]; at < begin_[chunk + 1]; at += step) body(at, std::min(step, begin_[chunk + 1] - at));
+}
+
+void ChunkStore::visit(uint32_t chunk, const std::function<void(std::span<const std::byte>)>& visit) const {
+    std::vector<std::byte> piece;
+    for_each_piece(chunk, [&](uint64_t at, uint64_t size) {
+        if (!scratch_) return visit({memory_.get() + at, size});
+        piece.resize(size);
+        scratch_->read(at, piece);
+        visit(piece);
+    });
+}
+
+void ChunkStore::change(uint32_t chunk, const std::function<void(std::span<std::byte>)>& change) {
+    std::vector<std::byte> piece;
+    for_each_piece(chunk, [&](uint64_t at, uint64_t size) {
+        if (!scratch_) return change({memory_.get() + at, size});
+        piece.resize(size);
+        scratch_->read(at, piece);
+        change(piece);
+        scratch_->write(at, piece);
+    });
 }
 
 void ChunkStore::discard(uint32_t chunk) {

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -26,12 +27,21 @@ public:
     void add(uint32_t chunk, std::span<const std::byte> records);
     /// Reads a whole chunk. throws Error{malformed} when there are fewer than were counted
     void load(uint32_t chunk, std::vector<std::byte>& records) const;
+    /// Calls visit for all records of a chunk, piece after piece. throws as load does
+    void visit(uint32_t chunk, const std::function<void(std::span<const std::byte> records)>& visit) const;
+    /// The same, to change attributes. Others may visit the chunk meanwhile, if they look at what stays.
+    void change(uint32_t chunk, const std::function<void(std::span<std::byte> records)>& change);
     /// The chunk will not be loaded again.
     void discard(uint32_t chunk);
 
     uint64_t size_bytes() const { return begin_.back(); }
 
 private:
+    void check_complete(uint32_t chunk) const;
+    template <typename Body>
+    void for_each_piece(uint32_t chunk, const Body& body) const;
+
+    size_t record_size_;
     ScratchStore* scratch_;
     std::vector<uint64_t> begin_;                     // [chunks + 1] bytes
     std::unique_ptr<std::atomic<uint64_t>[]> used_;   // [chunks] bytes

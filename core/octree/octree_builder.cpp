@@ -197,14 +197,31 @@ Error cap_too_low(uint64_t cap, uint64_t needed) {
                                   std::to_string(cap >> 20) + " MiB are allowed"};
 }
 
-int threads_within(uint64_t cap, uint64_t fixed_bytes, uint64_t chunk_points, size_t record_size, int threads) {
-    const uint64_t each = SubtreeBuilder::memory_needed(chunk_points, record_size);
+// The source's attributes, then those that the build adds.
+RecordLayout layout_of(const CloudInfo& info, const BuildSettings& settings) {
+    std::vector<Attribute> attributes = info.attributes;
+    if (settings.surface)
+        for (const Attribute& attribute : surface_attributes(*settings.surface)) {
+            if (find_attribute(info.attributes, attribute.name) >= 0)
+                throw Error(ErrorKind::usage, "the points have an attribute " + attribute.name + " already");
+            attributes.push_back(attribute);
+        }
+    return RecordLayout(std::move(attributes));
+}
+
+// Of a thread, in the stage that takes most.
+uint64_t memory_of_thread(uint64_t chunk_points, size_t record_size, const BuildSettings& settings) {
+    const uint64_t building = SubtreeBuilder::memory_needed(chunk_points, record_size);
+    return settings.surface ? std::max(building, surface_memory_needed(chunk_points)) : building;
+}
+
+int threads_within(uint64_t cap, uint64_t fixed_bytes, uint64_t each, int threads) {
     if (fixed_bytes + each > cap) throw cap_too_low(cap, fixed_bytes + each);
     return int(std::min<uint64_t>(uint64_t(threads), (cap - fixed_bytes) / each));
 }
 
-BuiltCloud describe(const CloudInfo& info, const OctreeFrame& frame, uint64_t points, const AttributeRanges& ranges,
-                    const std::vector<bool>& kept) {
+BuiltCloud describe(const CloudInfo& info, const std::vector<Attribute>& attributes, const OctreeFrame& frame, uint64_t points,
+                    const AttributeRanges& ranges, const std::vector<bool>& kept) {
     BuiltCloud cloud;
     cloud.points = points;
     cloud.quantization = {frame.scale, info.quantization.offset};
@@ -215,9 +232,9 @@ BuiltCloud describe(const CloudInfo& info, const OctreeFrame& frame, uint64_t po
     cloud.cube_side = frame.side;
     cloud.spacing = frame.spacing(0);
     cloud.crs = info.crs;
-    for (size_t a = 0; a < info.attributes.size(); ++a) {
+    for (size_t a = 0; a < attributes.size(); ++a) {
         if (!kept[a]) continue;
-        cloud.attributes.push_back(info.attributes[a]);
+        cloud.attributes.push_back(attributes[a]);
         cloud.attribute_min.push_back(ranges.min[a]);
         cloud.attribute_max.push_back(ranges.max[a]);
     }
@@ -245,8 +262,8 @@ Vec3i quanta_of(const Quantization& quantization, const Vec3d& p) {
 }  // namespace
 
 BuildEstimate estimate_build(const CloudInfo& info, const BuildSettings& settings) {
-    const size_t record_size = RecordLayout(info.attributes).size;
-    const uint64_t each = SubtreeBuilder::memory_needed(std::min(info.points, kMaxChunkPoints), record_size);
+    const size_t record_size = layout_of(info, settings).size;
+    const uint64_t each = memory_of_thread(std::min(info.points, kMaxChunkPoints), record_size, settings);
     BuildEstimate estimate;
     estimate.record_bytes = info.points * record_size;
     estimate.least_memory_bytes = kBaseBytes + kDistributionBytes / 4 + each;
@@ -262,7 +279,7 @@ BuildEstimate estimate_build(const CloudInfo& info, const BuildSettings& setting
 
 BuildReport build_octree(const PointSource& source, const BuildSettings& settings, ScratchStore* scratch, NodeSink& sink) {
     const CloudInfo& info = source.info();
-    const RecordLayout layout(info.attributes);
+    const RecordLayout layout = layout_of(info, settings);
     const BuildEstimate estimate = estimate_build(info, settings);
     if (estimate.least_memory_bytes > settings.memory_bytes) throw cap_too_low(settings.memory_bytes, estimate.least_memory_bytes);
     if (!estimate.in_memory && !scratch) throw cap_too_low(settings.memory_bytes, kBaseBytes + kDistributionBytes / 4 + estimate.record_bytes);
@@ -296,14 +313,20 @@ BuildReport build_octree(const PointSource& source, const BuildSettings& setting
     ChunkStore store(*partition, layout.size, estimate.in_memory ? nullptr : scratch);
     report.temporary_bytes = estimate.in_memory ? 0 : store.size_bytes();
     const uint64_t buffer_bytes = std::min(kDistributionBytes, settings.memory_bytes / 8);
-    const AttributeRanges ranges =
+    AttributeRanges ranges =
         distribute_points(source, settings.threads, buffer_bytes, frame, *partition, layout, store, on_points);
-    const std::vector<bool> kept = attributes_to_keep(info.attributes, settings.optional_attributes, ranges);
-
-    sink.begin(describe(info, frame, report.points_read, ranges, kept));
-    progress.start("building");
     const uint64_t fixed = kBaseBytes + (estimate.in_memory ? estimate.record_bytes : 0);
-    const int threads = threads_within(settings.memory_bytes, fixed, most_chunk_points(*partition), layout.size, settings.threads);
+    const int threads = threads_within(settings.memory_bytes, fixed,
+                                       memory_of_thread(most_chunk_points(*partition), layout.size, settings), settings.threads);
+    if (settings.surface) {
+        progress.start("neighbors");
+        const Quantization stored{frame.scale, info.quantization.world_from_quanta(frame.min_quanta)};
+        ranges.append(estimate_surfaces(*partition, frame, stored, layout, *settings.surface, threads, store, on_points));
+    }
+    const std::vector<bool> kept = attributes_to_keep(layout.attributes, settings.optional_attributes, ranges);
+
+    sink.begin(describe(info, layout.attributes, frame, report.points_read, ranges, kept));
+    progress.start("building");
     Promoted promoted(estimate.in_memory ? nullptr : scratch, store.size_bytes());
     ChunkBuild chunks(*partition, frame, layout, store, sink, output, promoted, progress);
     chunks.run(threads, kept);

@@ -2,17 +2,19 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/cloud/point_source.h"
 #include "core/octree/node_sink.h"
 #include "core/octree/scratch_store.h"
+#include "core/octree/surface_pass.h"
 
 namespace strata {
 
 struct BuildProgress {
-    const char* stage = "";  // "counting", "sorting", "building", "writing"
+    const char* stage = "";  // "counting", "sorting", "neighbors", "building", "writing"
     uint64_t done = 0;       // points
     uint64_t total = 0;      // points
 };
@@ -22,6 +24,7 @@ struct BuildSettings {
     uint64_t memory_bytes = uint64_t{2} << 30;  // cap; shows in speed only, never in the result
     /// Attributes that are left out when they are zero at every point.
     std::vector<std::string> optional_attributes = {std::string(attribute_name::kClassificationFlags)};
+    std::optional<SurfaceSettings> surface;  // what to find out about surfaces; none: nothing
     std::function<void(const BuildProgress&)> on_progress;  // may be empty; called from any thread, one at a time
 };
 
@@ -52,7 +55,8 @@ BuildEstimate estimate_build(const CloudInfo& info, const BuildSettings& setting
 /// most 10,000 points unless points coincide. The result depends on the points alone: neither threads, cap nor the
 /// order in which work is done show in it.
 /// scratch  takes the points sorted into chunks where they do not fit in the cap; nullptr: refuse where they do not fit
-/// throws   Error{limit} when the cap is below the least that this cloud needs (the message says how much);
+/// throws   Error{usage} when settings ask for an attribute that the points have already;
+///          Error{limit} when the cap is below the least that this cloud needs (the message says how much);
 ///          whatever source, scratch and sink throw
 /// cost     reads the source twice; O(n log n) time; memory below the cap
 BuildReport build_octree(const PointSource& source, const BuildSettings& settings, ScratchStore* scratch, NodeSink& sink);

@@ -22,7 +22,7 @@ int refined_depth(uint32_t level) {
 
 }  // namespace
 
-Partition::Partition(uint64_t points) { grids_.emplace_back(NodeKey{}, first_depth(points)); }
+Partition::Partition(uint64_t points, uint64_t max_chunk_points) : max_chunk_points_(max_chunk_points) { grids_.emplace_back(NodeKey{}, first_depth(points)); }
 
 void Partition::count(uint32_t x, uint32_t y, uint32_t z, uint64_t points) {
     size_t grid = 0;
@@ -44,7 +44,7 @@ bool Partition::refine() {
         const int shift_to_31 = int(kMaxLevel - level);
         for (const CellGrid::Cell& cell : grids_[grid].cells()) {
             grid_points_[grid] += cell.value;
-            if (cell.value <= kMaxChunkPoints || shift_to_31 == 0) continue;
+            if (cell.value <= max_chunk_points_ || shift_to_31 == 0) continue;
             grids_[grid].set_value(cell.key.x, cell.key.y, cell.key.z, kRefined | grids_.size());
             grids_.emplace_back(cell.key, refined_depth(level));
         }
@@ -65,7 +65,7 @@ int32_t Partition::add_nodes(const NodeKey& key, std::span<const CellGrid::Cell>
     Node node{.key = key};
     for (const CellGrid::Cell& cell : cells) node.points += points_of(cell);
     const uint32_t cell_level = cells.front().key.level;
-    if (node.points <= kMaxChunkPoints || key.level == kMaxLevel) {
+    if (node.points <= max_chunk_points_ || key.level == kMaxLevel) {
         node.chunk = int32_t(chunks_.size());
         chunks_.push_back({key, node.points, int32_t(nodes_.size())});
         nodes_.push_back(node);
@@ -88,7 +88,7 @@ int32_t Partition::add_nodes(const NodeKey& key, std::span<const CellGrid::Cell>
     }
     // Points that no cell can tell apart become a leaf at once, not at the end of a chain of empty nodes.
     Node& last = nodes_[size_t(only_child)];
-    if (child_count == 1 && last.chunk >= 0 && last.points > kMaxChunkPoints) {
+    if (child_count == 1 && last.chunk >= 0 && last.points > max_chunk_points_) {
         last.key = chunks_[size_t(last.chunk)].key = key;
         return only_child;
     }

@@ -31,7 +31,7 @@ public:
     };
 
     /// Starts with a grid that suits `points`; `count` every point, then call `refine`.
-    explicit Partition(uint64_t points);
+    explicit Partition(uint64_t points, uint64_t max_chunk_points = kMaxChunkPoints);
 
     /// Counts points that share a cell. x, y, z: level-31 cell of one of them. Thread-safe.
     void count(uint32_t x, uint32_t y, uint32_t z, uint64_t points);
@@ -58,6 +58,7 @@ private:
     uint64_t points_of(const CellGrid::Cell& cell) const;
     void label_cells();
 
+    uint64_t max_chunk_points_;
     std::vector<CellGrid> grids_;         // the coarse grid, then finer ones inside hot cells
     std::vector<uint64_t> grid_points_;   // [grids]
     size_t counting_from_ = 0;            // grids before this one are complete

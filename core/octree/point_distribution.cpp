@@ -115,7 +115,7 @@ public:
             const int32_t p_quanta[3] = {frame_.stored(0, batch.x[i]), frame_.stored(1, batch.y[i]), frame_.stored(2, batch.z[i])};
             std::memcpy(records_.data() + place_[i] * layout_.size, p_quanta, 12);
         }
-        for (size_t a = 0; a < layout_.attributes.size(); ++a)
+        for (size_t a = 0; a < batch.columns.size(); ++a)
             scatter_column(batch.columns[a], layout_.attributes[a].size_bytes(), place_, layout_.size,
                            records_.data() + layout_.offsets[a]);
         size_t begin = 0;
@@ -237,18 +237,24 @@ void AttributeRanges::extend(const AttributeRanges& other) {
         }
 }
 
+void AttributeRanges::append(const AttributeRanges& of_more_attributes) {
+    min.insert(min.end(), of_more_attributes.min.begin(), of_more_attributes.min.end());
+    max.insert(max.end(), of_more_attributes.max.begin(), of_more_attributes.max.end());
+}
+
 AttributeRanges distribute_points(const PointSource& source, int threads, uint64_t buffer_bytes, const OctreeFrame& frame,
                                   const Partition& partition, const RecordLayout& layout, ChunkStore& store,
                                   const OnPoints& on_points) {
     const uint64_t share = buffer_bytes / (uint64_t(threads) * std::max<size_t>(partition.chunks().size(), 1));
     const size_t piece_bytes = std::clamp<size_t>(share, 2 * layout.size, size_t{1} << 17);
-    std::vector<int> wanted(layout.attributes.size());
+    const std::vector<Attribute>& attributes = source.info().attributes;
+    std::vector<int> wanted(attributes.size());
     std::iota(wanted.begin(), wanted.end(), 0);
     std::vector<Distributor> distributors(size_t(threads), Distributor(frame, partition, layout, store, piece_bytes));
-    std::vector<AttributeRanges> ranges(size_t(threads), AttributeRanges(layout.attributes));
+    std::vector<AttributeRanges> ranges(static_cast<size_t>(threads), AttributeRanges(attributes));
     for_each_batch(source, threads, wanted, [&](int worker, const PointBatch& batch) {
         distributors[size_t(worker)].add(batch);
-        ranges[size_t(worker)].extend(layout.attributes, batch);
+        ranges[size_t(worker)].extend(attributes, batch);
         if (on_points) on_points(batch.size);
     });
     for (Distributor& distributor : distributors) distributor.flush();

@@ -32,11 +32,13 @@ struct AttributeRanges {
     explicit AttributeRanges(const std::vector<Attribute>& attributes);
     void extend(const std::vector<Attribute>& attributes, const PointBatch& batch);
     void extend(const AttributeRanges& other);
+    void append(const AttributeRanges& of_more_attributes);
 };
 
 /// Reads every point once and adds its record to its chunk.
+/// layout        begins with the attributes of the source; what follows is left for others to fill
 /// buffer_bytes  for records that wait for others of their chunk, all threads together
-/// returns  the ranges of the attributes
+/// returns  the ranges of the source's attributes
 AttributeRanges distribute_points(const PointSource& source, int threads, uint64_t buffer_bytes, const OctreeFrame& frame,
                                   const Partition& partition, const RecordLayout& layout, ChunkStore& store,
                                   const OnPoints& on_points);
