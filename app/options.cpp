@@ -33,6 +33,22 @@ Error unknown_command(std::span<const Command> commands, const std::string& name
     return {ErrorKind::usage, "unknown command '" + name + "'" + suggestion(name, names)};
 }
 
+// A value in brackets may be left out: then the row's default becomes the word. Only a number that follows is the value,
+// so that a file may follow too.
+std::vector<std::string> with_values_left_out(std::span<const Command> commands, std::vector<std::string> words) {
+    const auto is_number = [](const std::string& word) {
+        return !word.empty() && std::all_of(word.begin(), word.end(), [](char c) { return c >= '0' && c <= '9'; });
+    };
+    for (const Command& command : commands) {
+        if (words.empty() || words[0] != command.name) continue;
+        for (const OptionRow& row : command.rows)
+            for (size_t i = 1; i < words.size() && row.value.starts_with('['); ++i)
+                if (words[i] == row.flag && (i + 1 == words.size() || !is_number(words[i + 1])))
+                    words[i] += "=" + std::string(row.initial);
+    }
+    return words;
+}
+
 /// One subcommand's table, handed to CLI11, and what CLI11 read for it.
 class CommandParser {
 public:
@@ -176,7 +192,9 @@ int run_command_line(std::span<const Command> commands, int argc, const char* co
     std::deque<CommandParser> parsers;  // a deque: CLI11 keeps pointers into them
     for (const Command& command : commands) parsers.emplace_back(program, command);
     try {
-        program.parse(argc, argv);
+        std::vector<std::string> words = with_values_left_out(commands, {argv + std::min(argc, 1), argv + argc});
+        std::reverse(words.begin(), words.end());  // as CLI11 wants them
+        program.parse(std::move(words));
     } catch (const CLI::ParseError& problem) {
         if (problem.get_exit_code() == 0) return program.exit(problem);  // help and version
         if (argc > 1 && argv[1][0] == '-')

@@ -13,7 +13,7 @@ namespace strata {
 struct OptionRow {
     std::string_view flag;     // "--size"
     std::string_view letter;   // "-s", or empty
-    std::string_view value;    // placeholder and unit, "WIDTHxHEIGHT"; empty: a switch
+    std::string_view value;    // placeholder and unit, "WIDTHxHEIGHT"; empty: a switch; "[N]": a number, or the default
     std::string_view initial;  // the default, as text; empty: none
     std::string_view help;
 };

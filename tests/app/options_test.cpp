@@ -13,6 +13,7 @@ constexpr OptionRow kRows[] = {
     {"--size", "-s", "WxH", "1920x1080", "pixels"},
     {"--eye", "", "X,Y,Z", "", "where the camera stands, in CRS units"},
     {"--count", "-n", "N", "7", "how many"},
+    {"--depth", "", "[N]", "5", "how deep, if at all"},
     shared_option::kMemory,
     shared_option::kQuiet,
 };
@@ -55,6 +56,19 @@ TEST(Options, WordsFlagsAndSwitchesMayMix) {
     EXPECT_EQ(options.positional, (std::vector<std::string>{"a.las", "b.las", "out"}));
     EXPECT_EQ(options.text("--size"), "640x480");
     EXPECT_TRUE(options.given("--quiet"));
+}
+
+TEST(Options, AValueInBracketsMayBeLeftOut) {
+    EXPECT_FALSE(parsed({"a", "b"}).given("--depth"));
+    EXPECT_EQ(parsed({"a", "b"}).integer("--depth", 0, 9), 5);
+    for (const std::vector<const char*>& words : {std::vector<const char*>{"a", "b", "--depth"}, {"--depth", "a", "b"}, {"a", "--depth", "-q", "b"}}) {
+        const Options options = parsed(words);
+        EXPECT_TRUE(options.given("--depth"));
+        EXPECT_EQ(options.integer("--depth", 0, 9), 5);
+        EXPECT_EQ(options.positional, (std::vector<std::string>{"a", "b"}));
+    }
+    EXPECT_EQ(parsed({"--depth", "8", "a", "b"}).integer("--depth", 0, 9), 8);
+    EXPECT_EQ(parsed({"--depth=3", "a", "b"}).integer("--depth", 0, 9), 3);
 }
 
 TEST(Options, WhatIsNotGivenHasItsDefault) {
