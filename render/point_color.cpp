@@ -1,6 +1,7 @@
 #include "render/point_color.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
 #include <cstring>
@@ -34,6 +35,8 @@ constexpr NamedMode kModes[] = {
     {attribute_name::kGpsTime, Rule::ramp, "fjord"},
     {attribute_name::kPointSourceId, Rule::category, ""},
     {attribute_name::kUserData, Rule::category, ""},
+    {attribute_name::kDensity, Rule::log_ramp, "fjord"},
+    {"normal", Rule::normal, ""},
     {"lod", Rule::level, ""},
 };
 
@@ -52,6 +55,26 @@ void with_scalar(ScalarType type, const Visit& visit) {
         case ScalarType::float32: return visit(float{});
         case ScalarType::float64: return visit(double{});
     }
+}
+
+// Where the components of the normals are; -1: the cloud has none.
+std::array<int, 3> normal_attributes(const CloudInfo& info) {
+    std::array<int, 3> found;
+    for (size_t axis = 0; axis < 3; ++axis) {
+        found[axis] = find_attribute(info.attributes, attribute_name::kNormal[axis]);
+        if (found[axis] < 0 || info.attributes[size_t(found[axis])].components != 1) return {-1, -1, -1};
+    }
+    return found;
+}
+
+// A color map's entries begin in equal ratios. By square roots, which are the same on every machine.
+void fill_geometric(double low, double high, std::span<double> steps) {
+    const size_t half = steps.size() / 2;
+    if (half == 0) return;
+    const double middle = std::sqrt(low) * std::sqrt(high);
+    steps[half] = middle;
+    fill_geometric(low, middle, steps.first(half));
+    fill_geometric(middle, high, steps.subspan(half));
 }
 
 ColorChannel attribute_channel(const CloudInfo& info, std::string_view name) {
@@ -114,12 +137,21 @@ std::string_view default_color(const CloudInfo& info) {
 
 ColorChannel find_color_channel(const CloudInfo& info, std::string_view name) {
     const std::string_view full_name = full_attribute_name(name);
+    const auto missing = [&](const char* what, const char* option) {
+        return Error(ErrorKind::usage, "color: the cloud has no " + std::string(what) + "; 'strata convert " + option + "' computes them");
+    };
     for (const NamedMode& mode : kModes) {
         if (mode.name != full_name) continue;
         ColorChannel channel{.name = std::string(name), .rule = mode.rule};
         if (!mode.colormap.empty()) channel.default_colormap = mode.colormap;
         if (mode.rule == Rule::elevation || mode.rule == Rule::level) return channel;
+        if (mode.rule == Rule::normal) {
+            if (normal_attributes(info)[0] >= 0) return channel;
+            if (find_attribute(info.attributes, name) >= 0) break;
+            throw missing("normals", "--normals");
+        }
         channel.attribute = find_attribute(info.attributes, full_name);
+        if (channel.attribute < 0 && mode.rule == Rule::log_ramp) throw missing("densities", "--density");
         if (channel.attribute < 0) break;
         const bool colors = info.attributes[size_t(channel.attribute)].components == 3;
         if (channel.rule == Rule::rgb && !colors) break;
@@ -162,6 +194,7 @@ ColorRange derive_range(const LayeredCloud& cloud, const ColorChannel& channel) 
         const double most = values.empty() ? full : *std::max_element(values.begin(), values.end());
         return {0.0, most <= 255.0 && full > 255.0 ? 255.0 : full};
     }
+    if (channel.rule == Rule::log_ramp) std::erase_if(values, [](double value) { return !(value > 0.0); });
     const ColorRange stored = percentile_range(values);
     return {stored.low * scale + offset, stored.high * scale + offset};
 }
@@ -189,6 +222,24 @@ PointColorizer::PointColorizer(const CloudInfo& info, const ColorChannel& channe
             bias_ = -range.low * gain_;
             break;
         }
+        case Rule::normal:
+            for (const int attribute : normal_attributes(info)) {
+                wanted_.push_back(attribute);
+                normal_.push_back(info.attributes[size_t(attribute)]);
+            }
+            break;
+        case Rule::log_ramp: {
+            const auto [low, high] = std::minmax(range.low, range.high);
+            if (!(low > 0.0)) throw Error(ErrorKind::usage, "color '" + channel.name + "': expected a range of positive numbers, it is shown by its logarithm");
+            const Colormap map(colormap.empty() ? channel.default_colormap : colormap);
+            table_.assign(map.colors().begin(), map.colors().end());
+            if (range.low > range.high) std::reverse(table_.begin(), table_.end());
+            steps_.assign(table_.size(), low);
+            fill_geometric(low, high, steps_);
+            const auto [scale, offset] = value_scale(info, channel);
+            for (double& step : steps_) step = (step - offset) / scale;
+            break;
+        }
         case Rule::ramp:
         case Rule::elevation: {
             const Colormap map(colormap.empty() ? channel.default_colormap : colormap);
@@ -206,6 +257,22 @@ PointColorizer::PointColorizer(const CloudInfo& info, const ColorChannel& channe
     }
 }
 
+// A normal of 0 0 0, which stands for none, becomes the gray of points without a value.
+void PointColorizer::color_normals(const PointBatch& batch, std::span<Rgba8> out) const {
+    for (size_t i = 0; i < batch.size; ++i) {
+        std::array<uint8_t, 3> code;
+        bool known = true;
+        for (size_t axis = 0; axis < 3; ++axis) {
+            const Attribute& attribute = normal_[axis];
+            const std::byte* column = batch.columns[size_t(wanted_[axis])].data();
+            const double n = load_scalar(attribute.type, column + i * scalar_size(attribute.type)) * attribute.scale + attribute.offset;
+            known &= n == n;
+            code[axis] = uint8_t(clamped_index((0.5 + 0.5 * n) * 255.0 + 0.5, 256));
+        }
+        out[i] = known ? make_rgba(code[0], code[1], code[2]) : kNoValue;
+    }
+}
+
 void PointColorizer::color(const PointBatch& batch, uint32_t level, std::span<Rgba8> out) const {
     assert(out.size() == batch.size);
     const size_t n = batch.size;
@@ -214,6 +281,7 @@ void PointColorizer::color(const PointBatch& batch, uint32_t level, std::span<Rg
         case Rule::elevation:
             for (size_t i = 0; i < n; ++i) out[i] = table_[clamped_index(batch.z[i] * gain_ + bias_, table_.size())];
             return;
+        case Rule::normal: return color_normals(batch, out);
         default: break;
     }
     const std::byte* column = batch.columns[size_t(channel_.attribute)].data();
@@ -232,6 +300,12 @@ void PointColorizer::color(const PointBatch& batch, uint32_t level, std::span<Rg
                 const double value = double(values[i * step]);
                 const bool known = value == value && value != no_data_;
                 out[i] = known ? table_[clamped_index(value * gain_ + bias_, table_.size())] : kNoValue;
+            }
+        } else if (channel_.rule == Rule::log_ramp) {
+            for (size_t i = 0; i < n; ++i) {
+                const double value = double(values[i * step]);
+                const size_t above = size_t(std::upper_bound(steps_.begin(), steps_.end(), value) - steps_.begin());
+                out[i] = value > 0.0 && value != no_data_ ? table_[std::max<size_t>(above, 1) - 1] : kNoValue;
             }
         } else {
             for (size_t i = 0; i < n; ++i) out[i] = table_[category_of(values[i * step]) % table_.size()];

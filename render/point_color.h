@@ -26,25 +26,27 @@ struct ColorChannel {
     enum class Rule {
         rgb,             // the attribute is a color
         ramp,            // a quantity, through a color map
+        log_ramp,        // a positive quantity, through a color map over its logarithm
         elevation,       // the z coordinate, through a color map
         category,        // a number without an order
         classification,  // an ASPRS class
+        normal,          // a direction: red, green and blue are 0.5 + 0.5 n of NormalX, NormalY, NormalZ
         level,           // the level of the point's node, as a category
     };
 
     std::string name;  // as the user gave it
     Rule rule = Rule::level;
-    int attribute = -1;  // index into CloudInfo::attributes, -1 for elevation and level
+    int attribute = -1;  // index into CloudInfo::attributes, -1 for elevation, normal and level
     int component = 0;   // of the attribute; rgb uses all three
     std::string_view default_colormap = "fjord";
 
     /// Whether colors depend on a range of values: the user's, or derive_range's.
-    bool needs_range() const { return rule == Rule::rgb || rule == Rule::ramp || rule == Rule::elevation; }
+    bool needs_range() const { return rule == Rule::rgb || rule == Rule::ramp || rule == Rule::log_ramp || rule == Rule::elevation; }
     bool operator==(const ColorChannel&) const = default;
 };
 
-/// Finds the channel that `--color` names: rgb, intensity, elevation, classification, return, gps-time, source, lod, or
-/// an attribute by its name; ATTRIBUTE[1] is a component of one that has several.
+/// Finds the channel that `--color` names: rgb, intensity, elevation, classification, return, gps-time, source, lod,
+/// normal, density, or an attribute by its name; ATTRIBUTE[1] is a component of one that has several.
 /// throws  Error{usage}: the cloud has no such attribute; the message lists those it has
 ColorChannel find_color_channel(const CloudInfo& info, std::string_view name);
 
@@ -64,7 +66,7 @@ class PointColorizer {
 public:
     /// range     wanted where channel.needs_range(); ignored otherwise
     /// colormap  empty: the channel's own
-    /// throws    Error{usage}: the color map is unknown
+    /// throws    Error{usage}: the color map is unknown; a logarithm's range is not positive
     PointColorizer(const CloudInfo& info, const ColorChannel& channel, ColorRange range, std::string_view colormap = {});
 
     /// Attributes that `color` reads: pass to read_node.
@@ -75,12 +77,16 @@ public:
     void color(const PointBatch& batch, uint32_t level, std::span<Rgba8> out) const;
 
 private:
+    void color_normals(const PointBatch& batch, std::span<Rgba8> out) const;
+
     ColorChannel channel_;
     ScalarType type_ = ScalarType::uint8;
     int components_ = 1;
     double no_data_ = 0.0;            // stored value; NaN: there is none
     double gain_ = 0.0, bias_ = 0.0;  // table index = stored * gain + bias
     std::vector<Rgba8> table_;        // ramp: a color map; category and classification: by number
+    std::vector<double> steps_;       // log_ramp: stored values at which the next entry of the table begins
+    std::vector<Attribute> normal_;   // its three components
     std::vector<int> wanted_;
 };
 

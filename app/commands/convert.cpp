@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "app/commands/commands.h"
 #include "app/commands/spared_inputs.h"
@@ -26,6 +27,9 @@ constexpr OptionRow kRows[] = {
     {"--format", "-f", "FORMAT", "potree", "format of OUT"},
     {"--encoding", "-e", "default|brotli", "default", "potree: plain records, or smaller and slower"},
     {"--quality", "", "0...11", "2", "effort of the brotli encoding; the user guide has its size and time"},
+    {"--normals", "", "[K]", "16", "compute normals from the K nearest points (3 to 256), as NormalX, NormalY, NormalZ"},
+    {"--viewpoint", "", "X,Y,Z", "", "where the scanner stood, CRS units: normals look there; default: upwards"},
+    {"--density", "", "", "", "compute the density, points per square unit, from the K nearest points"},
     {"--no-sync", "", "", "", "do not wait until the output is on the disk; a power cut may lose it"},
     shared_option::kMemory,
     shared_option::kThreads,
@@ -57,6 +61,20 @@ PotreeWriteSettings write_settings(const Options& options) {
     return settings;
 }
 
+std::optional<SurfaceSettings> surface_settings(const Options& options) {
+    SurfaceSettings settings;
+    settings.neighbors = uint32_t(options.integer("--normals", kLeastNeighbors, kMostNeighbors));
+    settings.normals = options.given("--normals");
+    settings.density = options.given("--density");
+    if (options.given("--viewpoint")) {
+        if (!settings.normals) throw Error(ErrorKind::usage, "--viewpoint needs --normals");
+        const std::vector<double> place = options.numbers("--viewpoint", 3);
+        settings.viewpoint = Vec3d(place[0], place[1], place[2]);
+    }
+    if (!settings.normals && !settings.density) return std::nullopt;
+    return settings;
+}
+
 uint64_t peak_memory_bytes() {
     rusage usage{};
     getrusage(RUSAGE_SELF, &usage);
@@ -70,6 +88,7 @@ int run(const Options& options) {
     BuildSettings settings;
     settings.threads = thread_count(options);
     settings.memory_bytes = memory_cap(options);
+    settings.surface = surface_settings(options);
     const std::string output = options.positional.back();
     const std::vector<std::string> inputs = point_files(std::span(options.positional).first(options.positional.size() - 1));
     const bool quiet = options.given("--quiet") || options.given("--json");

@@ -30,7 +30,7 @@ constexpr OptionRow kRows[] = {
     {"--camera", "", "FILE.json", "", "the camera of a file, {\"eye\": [x,y,z], \"target\": ..., \"up\": ..., \"fov\": degrees} or with ortho_height; --stats prints one"},
     {"--ortho", "", "", "", "parallel projection: equal lengths look equal at any distance"},
     {"--meters-per-pixel", "", "UNITS", "", "CRS units a pixel, for --ortho; sets the size too unless --size is given"},
-    {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, or an attribute; default: rgb, else elevation"},
+    {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, normal, density, or an attribute; default: rgb, else elevation"},
     {"--colormap", "", "NAME", "", "color map for quantities"},
     {"--range", "", "LOW,HIGH", "", "values that the color map reaches over; default: 2nd to 98th percentile"},
     {"--splat", "", "square|disc|paraboloid", "paraboloid", "shape of a point; paraboloids meet where they overlap on a surface"},

@@ -199,5 +199,52 @@ TEST(PointColor, NamesFindTheirAttributesOrSayWhatThereIs) {
     EXPECT_THROW(PointColorizer(info, find_color_channel(info, "intensity"), {0, 1}, "no such map"), Error);
 }
 
+TEST(PointColor, NormalsAreDirectionsAsColors) {
+    CloudInfo info;
+    info.attributes = {{"NormalX", "", ScalarType::float32}, {"x", "", ScalarType::uint8}, {"NormalY", "", ScalarType::float32},
+                       {"NormalZ", "", ScalarType::int8, 1, 1.0 / 127.0}};
+    const ColorChannel channel = find_color_channel(info, "normal");
+    EXPECT_FALSE(channel.needs_range());
+    const PointColorizer colorizer(info, channel, {});
+    EXPECT_EQ(std::vector<int>(colorizer.wanted().begin(), colorizer.wanted().end()), (std::vector<int>{0, 2, 3}));
+    PointBatch batch = batch_of(info, {0, 2, 3}, 5);
+    const float nan = std::numeric_limits<float>::quiet_NaN();
+    const float x[] = {0, 1, -1, 0.5f, nan}, y[] = {0, 0, 0, -0.5f, 0};
+    const int8_t z[] = {127, 0, 0, -127, 127};
+    std::copy_n(x, 5, batch.column<float>(0).begin());
+    std::copy_n(y, 5, batch.column<float>(2).begin());
+    std::copy_n(z, 5, batch.column<int8_t>(3).begin());
+    EXPECT_EQ(colors_of(colorizer, batch), (std::vector<Rgba8>{make_rgba(128, 128, 255), make_rgba(255, 128, 128), make_rgba(0, 128, 128),
+                                                               make_rgba(191, 64, 0), make_rgba(128, 128, 128)}));
+    info.attributes[2].name = "y";
+    try {
+        find_color_channel(info, "normal");
+        ADD_FAILURE();
+    } catch (const Error& error) {
+        EXPECT_NE(std::string(error.what()).find("strata convert --normals"), std::string::npos);
+    }
+}
+
+// Equal ratios are equal steps: the mean of the ends' logarithms is the middle of the map.
+TEST(PointColor, DensityGoesByItsLogarithm) {
+    CloudInfo info;
+    info.attributes = {{"density", "", ScalarType::float32, 1, 2.0}};
+    const ColorChannel channel = find_color_channel(info, "density");
+    PointBatch batch = batch_of(info, {0}, 6);
+    const float stored[] = {0.5f, 5.0f, 50.0f, 5000.0f, 0.0f, std::numeric_limits<float>::quiet_NaN()};
+    std::copy_n(stored, 6, batch.column<float>(0).begin());
+    const Colormap map("gray");
+    const auto& colors = map.colors();
+    const Rgba8 none = make_rgba(128, 128, 128);
+    EXPECT_EQ(colors_of(PointColorizer(info, channel, {1.0, 100.0}, "gray"), batch),
+              (std::vector<Rgba8>{colors.front(), colors[colors.size() / 2], colors.back(), colors.back(), none, none}));
+    EXPECT_EQ(colors_of(PointColorizer(info, channel, {10000.0, 1.0}, "gray"), batch),
+              (std::vector<Rgba8>{colors.back(), colors[colors.size() * 3 / 4 - 1], colors[colors.size() / 2 - 1], colors.front(), none, none}));
+    EXPECT_THROW(PointColorizer(info, channel, {0.0, 1.0}), Error);
+    const ColorRange range = derive_range(BatchCloud(info, {batch}), channel);
+    EXPECT_EQ(range.low, 1.0);  // zero does not count
+    EXPECT_EQ(range.high, 10000.0);
+}
+
 }  // namespace
 }  // namespace strata
