@@ -25,11 +25,10 @@ Shade shade_leaf(const Crown& crown, const CrownLook& look, const Vec3d& p) {
     return {color, 0.5f, classification};
 }
 
-// A smooth water surface mirrors: only beams that fall straight down come back, and now and then a ripple's.
+// A still pond mirrors, wind ripples it: most beams that fall straight down come back, fewer the flatter they fall.
 bool water_answers(const Vec3d& direction, Random& random) {
-    const double angle = std::acos(std::min(1.0, -direction.z())) / 0.10;
-    const double lobe = std::exp(-angle * angle);
-    return random.uniform() < 0.04 + 0.75 * lobe;
+    const double fall = direction.z() * direction.z(), fall4 = fall * fall;
+    return random.uniform() < 0.55 * fall4 + 0.35 * fall4 * fall4 * fall4 * fall4;
 }
 
 uint16_t full_scale(double value) { return uint16_t(std::clamp(value, 0.0, 1.0) * 65535.0 + 0.5); }
@@ -41,7 +40,7 @@ void BeamScanner::meet_leaves(const LeafSpan& span, const Ray& ray, Random& rand
     double open = 1.0;
     double t = span.enter;
     while (count < most && open > kFaintest) {
-        t -= std::log(1.0 - random.uniform()) / Crown::kDensest;
+        t -= natural_log(1.0 - random.uniform()) / Crown::kDensest;
         if (t >= span.leave) break;
         const Vec3d p = ray.at(t);
         if (!span.crown->leaves_at(p, random.uniform())) continue;

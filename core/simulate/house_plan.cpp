@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 
 #include "core/math/random.h"
 
@@ -170,8 +169,8 @@ Building build_church(const HousePlan& plan) {
     const double spire_low = tower_top + 0.25, spire_height = 15.5, spire_radius = 0.5 * kTower;
     const Vec3d foot(tower_center.x(), tower_center.y(), spire_low);
     for (int i = 0; i < kSides; ++i) {
-        const double angle = 2.0 * std::numbers::pi * (i + 0.5) / kSides;
-        const Vec2d out = std::cos(angle) * plan.axis + std::sin(angle) * left_of(plan.axis);
+        const SinCos angle = sin_cos_turns((i + 0.5) / kSides);
+        const Vec2d out = angle.cos * plan.axis + angle.sin * left_of(plan.axis);
         spire.add_plane(Vec3d(level(out) + spire_radius / spire_height * Vec3d::UnitZ()), foot + spire_radius * level(out), Part::spire);
     }
     spire.add_plane(-Vec3d::UnitZ(), foot, Part::hidden);

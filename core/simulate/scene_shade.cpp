@@ -42,7 +42,7 @@ Shade shade_pane(const RayHit& hit, const Vec3d& point, const BuildingLook& look
         if (s < o.left - 1e-6 || s > o.right + 1e-6 || z < o.low - 1e-6 || z > o.high + 1e-6) continue;
         const double side = std::min(s - o.left, o.right - s), lid = std::min(z - o.low, o.high - z);
         if (o.high - o.low > 1.9 && o.high - o.low < 2.2 && o.right - o.left > 1.0)  // a door
-            return {Vec3f(0.43f, 0.28f, 0.18f) + gray(0.05 * std::sin(40.0 * s)), 0.35f, kBuilding};
+            return {Vec3f(0.43f, 0.28f, 0.18f) + gray(0.05 * sin_cos_turns(6.4 * s).sin), 0.35f, kBuilding};
         const bool frame = side < 0.09 || lid < 0.09 || std::abs(s - 0.5 * (o.left + o.right)) < 0.04;
         if (frame) return {Vec3f(0.93f, 0.93f, 0.90f), 0.5f, kBuilding};
         const double sky = smooth_noise(point.x() / 1.5, point.z() / 1.5, look.seed);

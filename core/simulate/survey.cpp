@@ -188,9 +188,10 @@ void Survey::scan_strip_block(BeamScanner& scanner, const SurveyPart& part, uint
     ScanPoint fields;
     fields.source_id = uint16_t(part.source_id + strip % 4000);
     for (uint64_t line = first; line < last; ++line) {
-        // The mirror swings to the left on even lines and back on odd ones; the channels take turns.
+        // The mirror swings to the left on even lines and back on odd ones. Each swing has a channel of its own, so that a channel's
+        // lines are parallel and evenly spaced: how the channels' lines fall between each other varies with the height of the ground.
         fields.scan_forward = line % 2 == 0;
-        const double look = line / 2 % 2 == 0 ? kLook : -kLook;
+        const double look = fields.scan_forward ? kLook : -kLook;
         const uint64_t line_of_seeds = line_seed(settings_.seed, strip, line);
         for (uint64_t i = 0; i < strips.pulses; ++i) {
             const uint64_t seed = pulse_seed(line_of_seeds, i);

@@ -1,13 +1,14 @@
 #pragma once
 
+#include <bit>
 #include <cstdint>
 
 #include "core/math/random.h"
 
 namespace strata {
 
-// The analytic building blocks of the simulated world. Plain arithmetic instead of the C library's sine, so that a scene
-// is the same on every machine, and so that loops over waves vectorize.
+// The analytic building blocks of the simulated world. Plain arithmetic instead of the C library's functions, which
+// differ in the last bit from processor to processor: a scene is the same on every machine, and loops over waves vectorize.
 
 struct SinCos {
     double sin, cos;
@@ -24,6 +25,17 @@ inline SinCos sin_cos_turns(double turns) {
     const double c = 1.0 + q * (-0.5 + q * (1.0 / 24 + q * (-1.0 / 720 + q * (1.0 / 40320 + q * (-1.0 / 3628800 +
                      q * (1.0 / 479001600 + q * (-1.0 / 87178291200 + q * (1.0 / 20922789888000 + q * (-1.0 / 6402373705728000)))))))));
     return {2.0 * s * c, 1.0 - 2.0 * s * s};
+}
+
+/// Natural logarithm of a positive normal number, within 1e-13 of it or of its relative size.
+inline double natural_log(double value) {
+    constexpr uint64_t kHalfRoot = 0x3fe6a09e667f3bcdu;  // the bits of sqrt(1/2)
+    const uint64_t bits = std::bit_cast<uint64_t>(value);
+    const int64_t exponent = int64_t(bits - kHalfRoot) >> 52;
+    const double mantissa = std::bit_cast<double>(bits - (uint64_t(exponent) << 52));  // in [sqrt(1/2), sqrt(2))
+    const double s = (mantissa - 1.0) / (mantissa + 1.0), q = s * s;  // log m = 2 atanh s, |s| < 0.1716: the remainder is below 2e-14
+    const double tail = q * (1.0 / 3 + q * (1.0 / 5 + q * (1.0 / 7 + q * (1.0 / 9 + q * (1.0 / 11 + q * (1.0 / 13 + q * (1.0 / 15)))))));
+    return double(exponent) * 0.6931471805599453 + 2.0 * (s + s * tail);
 }
 
 /// The greatest whole number that is not above `value`; |value| < 2^62. Without a call, unlike std::floor on plain x86-64.

@@ -17,6 +17,16 @@ TEST(Waves, SineAndCosineAgreeWithTheLibrary) {
     }
 }
 
+TEST(Waves, LogarithmAgreesWithTheLibrary) {
+    Random random(4);
+    for (int i = 0; i < 10'000; ++i) {
+        const double share = 1.0 - random.uniform(), any = std::ldexp(share, i % 600 - 300);
+        EXPECT_NEAR(natural_log(share), std::log(share), 1e-13 * std::max(1.0, -std::log(share)));
+        EXPECT_NEAR(natural_log(any), std::log(any), 1e-13 * std::max(1.0, std::abs(std::log(any))));
+    }
+    EXPECT_EQ(natural_log(1.0), 0.0);
+}
+
 TEST(Waves, FloorIsExactAtWholeNumbers) {
     EXPECT_EQ(floor_to_int(-2.0), -2);
     EXPECT_EQ(floor_to_int(-2.25), -3);

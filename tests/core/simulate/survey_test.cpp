@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <set>
@@ -136,6 +137,45 @@ TEST(Survey, StripsOverlapAndHaveEdges) {
     ASSERT_EQ(reach.size(), 2u);
     EXPECT_GT(reach.begin()->second.second, reach.rbegin()->second.first);
     EXPECT_GT(edges, 50u);
+}
+
+// At the border of a swath the lines of one channel are two advances apart, and those of the other channel fall anywhere between.
+// Wider gaps are the shadows of houses and trees, which take about one in a hundred here.
+TEST(Survey, ScanLinesLeaveNoStripesOfGroundOut) {
+    const VillageScene scene(1);
+    const SurveySettings settings{.points = 100'000, .noise = 0.0, .mode = SurveyMode::airborne};
+    const Survey survey(scene, settings);
+    const AirborneStrips& strips = survey.parts()[0].strips;
+    const double advance = strips.extent / double(strips.lines);
+    std::map<std::pair<int, int>, std::vector<double>> tracks;  // by strip and degree of scan angle: places along the flight
+    for (const ScanPoint& p : scan(settings)) {
+        const int degree = int(std::lround(p.scan_angle * 0.006));
+        if (p.part == Part::ground && std::abs(degree) >= 23) tracks[{p.source_id, degree}].push_back(p.position.x());
+    }
+    size_t gaps = 0, wide = 0;
+    for (auto& [track, places] : tracks) {
+        std::sort(places.begin(), places.end());
+        for (size_t i = 1; i < places.size(); ++i) {
+            ++gaps;
+            wide += places[i] - places[i - 1] > 2.5 * advance;
+        }
+    }
+    EXPECT_GT(gaps, 3000u);
+    EXPECT_LT(double(wide), 0.02 * double(gaps));
+}
+
+// Water answers beams that fall onto it: the pond of the village is a sheet, nearly as dense as the lawn around it.
+TEST(Survey, ThePondIsScanned) {
+    const std::vector<ScanPoint> points = scan({.points = 200'000, .noise = 0.0, .mode = SurveyMode::airborne});
+    size_t answers = 0;
+    std::set<std::pair<int, int>> squares;  // of 1 m
+    for (const ScanPoint& p : points) {
+        if (p.part != Part::water) continue;
+        ++answers;
+        squares.insert({int(std::floor(p.position.x())), int(std::floor(p.position.y()))});
+    }
+    EXPECT_GT(squares.size(), 300u);
+    EXPECT_GT(answers, 5 * squares.size());
 }
 
 TEST(Survey, ClassesOfAVillageAreThere) {
