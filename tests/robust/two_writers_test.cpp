@@ -1,0 +1,64 @@
+// Two programs write one target at the same time: one wins whole, and nothing of the other stays.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <thread>
+
+#include "tests/support/scan_files.h"
+
+namespace strata::robust {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace test;
+
+class TwoWriters : public testing::Test {
+protected:
+    void SetUp() override {
+        write_sheet(folder_.file("a.las"), 60'000);
+        write_sheet(folder_.file("b.las"), 50'000);
+        for (const std::string name : {"a", "b", "target"}) fs::create_directory(folder_.file(name));
+        for (const std::string name : {"a", "b"}) ASSERT_EQ(convert(name, name + "/out", {}).exit_code, 0);
+    }
+
+    ProgramResult convert(const std::string& scan, const std::string& target, std::vector<std::string> more) {
+        more.insert(more.begin(), {"convert", folder_.file(scan + ".las"), folder_.file(target), "--quiet", "--no-sync"});
+        return run_strata(more);
+    }
+    std::pair<ProgramResult, ProgramResult> together(const std::vector<std::string>& more) {
+        std::pair<ProgramResult, ProgramResult> results;
+        std::thread other([&] { results.second = convert("b", "target/out", more); });
+        results.first = convert("a", "target/out", more);
+        other.join();
+        return results;
+    }
+    bool holds(const std::string& scan) const { return same_potree(folder_.file("target/out"), folder_.file(scan + "/out")); }
+
+    const int pairs_ = full_run() ? 50 : 5;
+    const TemporaryFolder folder_;
+};
+
+TEST_F(TwoWriters, OneWinsWholeAndTheOtherSaysSo) {
+    for (int i = 0; i < pairs_ && !HasFailure(); ++i) {
+        fs::remove_all(folder_.file("target/out"));
+        const auto [a, b] = together({});
+        const bool a_won = a.exit_code == 0;
+        ASSERT_NE(a_won, b.exit_code == 0) << a.err << b.err;
+        EXPECT_EQ(refusal_verdict(a_won ? b : a), "");
+        EXPECT_TRUE(holds(a_won ? "a" : "b"));
+        EXPECT_EQ(entries(folder_.file("target")), 1u);
+    }
+}
+
+TEST_F(TwoWriters, WithOverwriteTheLastOneWinsWhole) {
+    for (int i = 0; i < pairs_ && !HasFailure(); ++i) {
+        const auto [a, b] = together({"--overwrite"});
+        EXPECT_EQ(a.exit_code, 0) << a.err;
+        EXPECT_EQ(b.exit_code, 0) << b.err;
+        EXPECT_TRUE(holds("a") || holds("b"));
+        EXPECT_EQ(entries(folder_.file("target")), 1u);
+    }
+}
+
+}  // namespace
+}  // namespace strata::robust
