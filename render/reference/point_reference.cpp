@@ -21,8 +21,10 @@ constexpr uint32_t kBandRows = 8;  // of pixels, drawn by one thread
 constexpr uint32_t kSide = PointReference::kSamplesSide;
 constexpr uint32_t kBandSamples = kBandRows * kSide;  // rows of samples in a band
 constexpr size_t kFarNeighbors = 96;  // looked at where a quarter holds none of the nearest
-constexpr size_t kLooseNeighbor = 3;   // that a splat reaches where there is no plane
+constexpr size_t kLooseNeighbor = 2;   // that a splat reaches where there is no plane
 constexpr double kReach = 0.8;         // radius over the distance to the neighbor in the emptiest quarter
+constexpr double kNearWide = 0.01;     // two scan lines are a plane,
+constexpr double kFarWide = 0.05;      // two wires are none
 constexpr double kNone = std::numeric_limits<double>::infinity();
 
 // The plane of a point's neighbors.
@@ -31,15 +33,15 @@ struct Plane {
 };
 
 // around  relative to the point. Nothing where they do not lie in a plane, or lie in a line
-std::optional<Plane> fit_plane(std::span<const Vec3d> around) {
-    constexpr double kFlat = 0.1;   // variance across the plane over the lesser one along it
-    constexpr double kWide = 0.01;  // the lesser over the greater one along it
+// wide    least variance across their line over that along it
+std::optional<Plane> fit_plane(std::span<const Vec3d> around, double wide) {
+    constexpr double kFlat = 0.1;  // variance across the plane over the lesser one along it
     const Vec3d mean = std::accumulate(around.begin(), around.end(), Vec3d(Vec3d::Zero())) / double(around.size());
     Mat3d covariance = Mat3d::Zero();
     for (const Vec3d& p : around) covariance += (p - mean) * (p - mean).transpose();
     const Eigen::SelfAdjointEigenSolver<Mat3d> solver(covariance);
     const Vec3d& variance = solver.eigenvalues();  // ascending
-    if (!(variance[0] <= kFlat * variance[1] && variance[1] >= kWide * variance[2] && variance[1] > 0.0)) return std::nullopt;
+    if (!(variance[0] <= kFlat * variance[1] && variance[1] >= wide * variance[2] && variance[1] > 0.0)) return std::nullopt;
     return Plane{solver.eigenvectors().col(0), solver.eigenvectors().col(1), solver.eigenvectors().col(2)};
 }
 
@@ -205,7 +207,7 @@ PointReference::PointReference(LayeredCloud& cloud, const PointColorizer& colors
         };
         for (size_t i = begin; i < end; ++i) {
             look_around(i, kNeighbors);
-            const std::optional<Plane> plane = fit_plane(around);
+            const std::optional<Plane> plane = fit_plane(around, kNearWide);
             if (!plane) {
                 splats_[i].radius = around[std::min(kLooseNeighbor, around.size() - 1)].norm();
                 continue;
@@ -213,9 +215,11 @@ PointReference::PointReference(LayeredCloud& cloud, const PointColorizer& colors
             std::array<double, 4> quarters = nearest_quarters(around, *plane);
             if (*std::min_element(quarters.begin(), quarters.end()) == 0.0) {  // at an edge, or beside a denser strip
                 look_around(i, kFarNeighbors);
-                quarters = nearest_quarters(around, *plane);
+                if (fit_plane(around, kFarWide)) quarters = nearest_quarters(around, *plane);
             }
-            splats_[i].radius = kReach * *std::max_element(quarters.begin(), quarters.end());
+            // With a quarter that has nothing, what lies farthest in the others may be another wire or roof.
+            std::sort(quarters.begin(), quarters.end());
+            splats_[i].radius = kReach * quarters[quarters[0] == 0.0 ? 2 : 3];
             splats_[i].normal = plane->normal;
         }
     });

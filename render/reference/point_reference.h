@@ -21,10 +21,11 @@ struct ReferencePicture {
 /// The best picture that we know to make of a cloud, slowly: what the pictures of the rasterizer are measured against.
 ///
 /// Every point is drawn, without levels of detail, as a disc that its kNeighbors nearest neighbors decide. Where they lie in a
-/// plane, the disc lies in that plane, and reaches 0.8 of the way to the nearest neighbor in the emptiest of the four
-/// quarters around it, 96 neighbors being asked where the nearest leave a quarter empty: between scan lines, or strips of different density, as far as is needed and no farther, and not beyond an
-/// edge that has no neighbors there. Elsewhere (leaves, wires, poles) it faces the eye and reaches the third neighbor. A disc in the
-/// plane of the surface has the surface's own depth at every sample, however it is tilted, and needs no bulge to meet its neighbors.
+/// plane, the disc lies in that plane, and reaches 0.8 of the way to the nearest neighbor in the emptiest of the four quarters
+/// around it: between scan lines, or strips of different density, as far as is needed and no farther. Where they leave a quarter
+/// empty, 96 neighbors are asked if they lie in a plane; a quarter that stays empty is an edge, and then the second emptiest counts.
+/// Elsewhere (leaves, wires, poles) a disc faces the eye and reaches the second neighbor. A disc in the plane of the surface
+/// has the surface's own depth at every sample, however it is tilted, and needs no bulge to meet its neighbors.
 ///
 /// Of the discs that a sample's ray meets, the front ones are those no farther than the nearest by more than that one's
 /// radius; of these the sample shows the one whose center is nearest to where the ray meets it, and has its depth there.

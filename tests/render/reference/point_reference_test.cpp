@@ -76,6 +76,23 @@ TEST_P(TiltedPlane, ClosesWhereDensityJumps) {
 
 INSTANTIATE_TEST_SUITE_P(Both, TiltedPlane, testing::Values(Projection::orthographic, Projection::perspective));
 
+// Two wires, a point every 0.3 m, 1 m apart: each shows, and what is between them stays open. As planes of their
+// neighbors they would become a ribbon.
+TEST(PointReference, KeepsWiresApart) {
+    std::vector<Vec3i> quanta;
+    for (int i = -80; i <= 80; ++i)
+        for (const int side : {-1, 1}) quanta.emplace_back(300 * i + 70 * side, 500 * side, (i * i) % 7);
+    TestCloud cloud = single_node_cloud(quanta, {.scale = Vec3d::Constant(1e-3), .offset = Vec3d(5e5, 5e6, 0)}, 0.5);
+    const ReferencePicture picture = reference_of(cloud).draw(camera_above(Projection::orthographic), kWidth, kHeight, kBackground, 2);
+    const auto row_of = [](double y) { return uint32_t((3.0 - y) / 6.0 * kHeight); };
+    for (uint32_t x = 0; x < kWidth; ++x) {
+        EXPECT_NE(picture.image.at(x, row_of(0.5)), kBackground);
+        EXPECT_NE(picture.image.at(x, row_of(-0.5)), kBackground);
+        EXPECT_EQ(picture.image.at(x, row_of(0.0)), kBackground);
+        EXPECT_EQ(picture.image.at(x, row_of(1.5)), kBackground);
+    }
+}
+
 TEST(PointReference, SamePixelsForAnyThreads) {
     TestCloud cloud = plane_cloud(0.5);
     const Camera camera = camera_above(Projection::perspective);
