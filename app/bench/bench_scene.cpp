@@ -84,7 +84,7 @@ std::string machine_words(const BenchSettings& settings) {
 std::string scene_words(const BenchSettings& settings) {
     return "Scene: the simulated village, seed " + std::to_string(kSeed) + ", " + with_commas(settings.points) +
            " points from the air and from the ground, 1 cm of noise, as `strata sample --mode both` makes it. Times are medians of " +
-           std::to_string(settings.runs) + " warm runs.\n";
+           std::to_string(settings.runs) + " warm runs.";
 }
 
 double median(std::vector<double> values) {
