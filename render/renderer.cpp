@@ -5,10 +5,12 @@
 #include <cmath>
 #include <limits>
 #include <tuple>
+#include <utility>
 
 #include "core/error.h"
 #include "core/parallel.h"
 #include "render/gl/egl_context.h"
+#include "render/pass/edl_kernel.h"
 #include "render/sample_sums.h"
 #include "render/stream/node_loader.h"
 #include "render/stream/point_cut.h"
@@ -110,7 +112,7 @@ uint32_t choose_strip_rows(const RenderSettings& settings) {
 int edl_reach_px(const RenderSettings& settings) {
     if (!(settings.edl.strength > 0.0f)) return 0;
     const int splat = settings.edl.follow_splats ? std::min(int(settings.splat.widest_px() + 0.5f), 255) : 0;
-    return std::max(settings.edl.reach_px(), splat);
+    return std::max(settings.edl.reach_px(settings.height, EdlSettings::kScales - 1), splat);
 }
 
 NodeCache::Clock::time_point loading_deadline(const RenderSettings& settings, double budget_ms) {
@@ -137,8 +139,27 @@ struct Renderer::Gl {
     EdlPass edl;
 };
 
-Renderer::Renderer() = default;
+// Kept from frame to frame: fresh memory costs more than what is written to it.
+struct Renderer::Buffers {
+    PointsPass points;
+    GBuffer gbuffer, other_samples;
+    std::vector<Rgba8> shaded;
+    SampleSums sums;
+};
+
+Renderer::Renderer() : buffers_(std::make_unique<Buffers>()) {}
 Renderer::~Renderer() = default;
+
+// Starts GL where a GPU runs it, once. On software GL lighting takes longer than the points.
+void Renderer::start_gl(int threads) {
+    if (std::exchange(gl_tried_, true) || !may_have_gpu()) return;
+    try {
+        gl_ = std::make_unique<Gl>(threads);
+        if (gl_->context.is_software()) gl_.reset();
+    } catch (const Error& error) {
+        if (error.kind != ErrorKind::device) throw;
+    }
+}
 
 RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
                                     const std::function<void(const RenderedRows&)>& on_rows) {
@@ -195,15 +216,15 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     for (const PointNode& node : nodes) report.points_drawn += node.points->size();
     watch.lap("cut");
 
-    if (reach > 0 && !gl_) {
-        gl_ = std::make_unique<Gl>(settings.threads);
+    if (reach > 0) {
+        start_gl(settings.threads);
         watch.lap("gl start");
+        report.edl_by = gl_ ? "gl" : "cpu";
     }
     if (gl_) report.gl_renderer = gl_->context.renderer();
 
-    GBuffer first, others;  // depths and identities are those of the first sample, which lies in the middle of the pixel
-    std::vector<Rgba8> shaded;
-    SampleSums sums;
+    // Depths and identities are those of the first sample, which lies in the middle of the pixel.
+    auto& [pass, first, others, shaded, sums] = *buffers_;
     for (uint32_t row = 0; row < settings.height; row += strip_rows) {
         const uint32_t rows = std::min(strip_rows, settings.height - row);
         // Neighbours of the strip's own rows are drawn with it, so that its seams do not show.
@@ -216,19 +237,21 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
             const Vec2f offset_px = sample_offset_px(sample, settings.samples);
             projection.center_x -= offset_px.x();
             projection.center_y -= offset_px.y();
-            {
-                PointsPass pass(settings.width, row - above, above + rows + below);
-                pass.draw(nodes, projection, settings.splat, settings.threads);
-                watch.lap("points");
-                const ResolveOptions wanted = {.splat_px = reach > 0 && settings.edl.follow_splats, .ids = settings.with_ids && sample == 0};
-                pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
-                restore_indices(gbuffer.ids, cut);
-                watch.lap("resolve");
-            }
+            pass.clear(settings.width, row - above, above + rows + below, settings.threads);
+            watch.lap("clear");
+            pass.draw(nodes, projection, settings.splat, settings.threads);
+            watch.lap("points");
+            const ResolveOptions wanted = {.splat_px = reach > 0 && settings.edl.follow_splats, .ids = settings.with_ids && sample == 0};
+            pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
+            restore_indices(gbuffer.ids, cut);
+            watch.lap("resolve");
             finished = std::span(gbuffer.colors).subspan(skip, count);
             if (reach > 0) {
                 shaded.resize(count);
-                gl_->edl.shade(gbuffer, settings.edl, camera, settings.height, above, rows, shaded);
+                if (gl_)
+                    gl_->edl.shade(gbuffer, settings.edl, camera, settings.height, above, rows, shaded);
+                else
+                    shade_edl(gbuffer, settings.edl, camera, settings.height, above, rows, settings.threads, shaded);
                 finished = shaded;
                 watch.lap("edl");
             }

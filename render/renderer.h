@@ -55,13 +55,15 @@ struct RenderReport {
     double error_px = 0.0;  // what the picture is off by, from selection
     BoundBy bound_by = BoundBy::error;
     std::string gl_renderer;  // empty: no GL was needed
+    std::string edl_by;       // what lit the picture: "cpu" or "gl"; empty: nothing did
     double frame_ms = 0.0;
     std::vector<std::pair<std::string, double>> pass_ms;  // in the order they ran
     LoadFailures failures;
 };
 
 /// Draws frames. Keeps from one frame to the next the GL context and its programs, made when a pass first needs them, and
-/// the nodes in memory, as long as cloud, colors and filter stay the same.
+/// the nodes in memory, as long as cloud, colors and filter stay the same. Where there is no GPU, eye-dome lighting is a CPU
+/// kernel and needs no GL.
 class Renderer {
 public:
     Renderer();
@@ -70,7 +72,7 @@ public:
     /// Draws the cloud as the camera sees it and hands out the picture from top to bottom, a strip at a time.
     /// The pixels depend on neither threads nor strips, nor, if it waits, on what is in memory. A node that cannot be read is
     /// left out, so that its parent shows, and is reported once. The cloud must outlive the renderer or forget_cloud.
-    /// throws  Error{usage} for a camera or size that cannot be; Error{device} when a pass needs GL and there is none
+    /// throws  Error{usage} for a camera or size that cannot be
     RenderReport render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
                               const std::function<void(const RenderedRows&)>& on_rows);
 
@@ -81,8 +83,13 @@ public:
     uint64_t nodes_read() const { return resident_ ? resident_->cache().reads_begun() : 0; }
 
 private:
+    struct Buffers;
     struct Gl;
-    std::unique_ptr<Gl> gl_;
+    void start_gl(int threads);
+
+    std::unique_ptr<Buffers> buffers_;
+    std::unique_ptr<Gl> gl_;  // none: not started, or of no use
+    bool gl_tried_ = false;
     std::unique_ptr<ResidentCloud> resident_;
     std::optional<Camera> last_camera_;
     uint32_t frames_at_rest_ = 0;

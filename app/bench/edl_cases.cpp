@@ -26,7 +26,7 @@ Image light_by_twin(const MeasuredFrame& unlit, const RenderSettings& settings, 
     Image lit(settings.width, settings.height);
     for (uint32_t y = 0; y < settings.height; ++y)
         for (uint32_t x = 0; x < settings.width; ++x) {
-            const Vec4d shaded = edl_shaded(buffer, settings.edl, pixel_world, int(x), int(y));
+            const Vec4d shaded = edl_shaded(buffer, settings.edl, pixel_world, settings.height, int(x), int(y));
             const auto code = [&](int channel) { return uint8_t(std::lround(shaded[channel])); };
             lit.at(x, y) = make_rgba(code(0), code(1), code(2), code(3));
         }
@@ -39,7 +39,7 @@ std::optional<BenchSection> run_edl_cases(BenchScene& scene, const BenchSettings
     BenchSection section{.name = "edl", .title = "Eye-dome lighting against double precision", .words = {}, .table = {}, .plots = {}};
     section.words =
         "The pass as pictures are lit by it, against its twin in double precision (`render/reference/edl_reference.h`) on the same depths, with "
-        "neighbors 2 pixels away. Differences are in 8-bit steps; a step is what rounding alone may give.";
+        "neighbors at the three distances of the default radius. Differences are in 8-bit steps; a step is what rounding alone may give.";
     section.table.columns = {{"case", "case"}, {"edl_ms", "pass, ms", 2}, {"max_steps", "largest difference", 0}, {"rms_steps", "root mean square", 4},
                              {"psnr_db", "PSNR, dB", 1}};
     for (const BenchView& view : kBenchViews)

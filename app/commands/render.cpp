@@ -69,6 +69,7 @@ nlohmann::ordered_json stats_json(const RenderRequest& request, const RenderRepo
                                     {"bound_by", bound_name(report.bound_by)},
                                     {"rasterizer", "cpu"},
                                     {"gl_renderer", report.gl_renderer},
+                                    {"edl_by", report.edl_by},
                                     {"frame_ms", report.frame_ms},
                                     {"pass_ms", nlohmann::ordered_json::object()},
                                     {"size", {settings.width, settings.height}},

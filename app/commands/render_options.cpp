@@ -40,7 +40,7 @@ constexpr OptionRow kRows[] = {
     {"--clip", "", "BOX[;BOX...]", "", "draw only what is in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units, faces included; a number left out is open. Views are framed around the boxes"},
     {"--clip-out", "", "BOX[;BOX...]", "", "draw nothing that is in a box"},
     {"--filter", "", "NAME=VALUES[;...]", "", "draw only points whose values are among these: 'class=2,6;return=1;intensity=100:2000'; names as for --color"},
-    {"--edl", "", "STRENGTH[,RADIUS]", "0.7", "eye-dome lighting: how dark slopes get, and pixels to the neighbors; default radius: 2, or a splat where larger; 0: off"},
+    {"--edl", "", "STRENGTH[,RADIUS]", "0.7", "eye-dome lighting: how dark slopes get, and how far neighbors lie, in thousandths of the height; default radius: 2, or a splat where larger; 0: off"},
     {"--samples", "", "N", "1", "average so many pictures a fraction of a pixel apart: smooth edges; depth and sizes are as with 1"},
     {"--time-budget", "", "MILLISECONDS", "0", "stop reading and drawing finer nodes so that the picture takes about so long; 0: take the time it needs"},
     {"--background", "", "COLOR", "#181c24", "'#rrggbb'"},
@@ -100,9 +100,9 @@ EdlSettings parse_edl(const std::string& text) {
     const size_t comma = std::min(text.find(','), text.size());
     edl.strength = float(parse_double("--edl", std::string_view(text).substr(0, comma), expected, text));
     edl.follow_splats = comma == text.size();
-    if (comma < text.size()) edl.radius_px = float(parse_double("--edl", std::string_view(text).substr(comma + 1), expected, text));
+    if (comma < text.size()) edl.radius = 1e-3f * float(parse_double("--edl", std::string_view(text).substr(comma + 1), expected, text));
     if (!(edl.strength >= 0.0f && edl.strength <= 1000.0f)) refuse("--edl", "a strength from 0 to 1000", text);
-    if (!(edl.radius_px >= 0.5f && edl.radius_px <= 64.0f)) refuse("--edl", "a radius from 0.5 to 64 pixels", text);
+    if (!(edl.radius >= 1e-4f && edl.radius <= 0.05f)) refuse("--edl", "a radius from 0.1 to 50 thousandths of the height", text);
     return edl;
 }
 

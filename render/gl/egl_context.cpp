@@ -34,6 +34,7 @@ struct Candidate {
     EGLenum platform;
     void* native;
     std::string name;
+    bool software = false;  // for certain
 };
 
 std::vector<Candidate> candidates() {
@@ -49,7 +50,7 @@ std::vector<Candidate> candidates() {
             for (size_t i = 0; i < devices.size(); ++i) {
                 const char* const extensions = told_apart ? eglQueryDeviceStringEXT(devices[i], EGL_EXTENSIONS) : nullptr;
                 if (has_word(extensions, "EGL_MESA_device_software") == software)
-                    found.push_back({EGL_PLATFORM_DEVICE_EXT, devices[i], "device " + std::to_string(i)});
+                    found.push_back({EGL_PLATFORM_DEVICE_EXT, devices[i], "device " + std::to_string(i), software});
             }
     }
     if (has_word(client, "EGL_MESA_platform_surfaceless"))
@@ -85,6 +86,21 @@ std::string make_current(const Candidate& candidate, void*& display_out, void*& 
 }
 
 }  // namespace
+
+bool may_have_gpu() {
+    const std::vector<Candidate> found = candidates();
+    // The platform without a surface takes whatever driver there is: where devices are listed it adds none to them.
+    const bool listed = std::any_of(found.begin(), found.end(), [](const Candidate& c) { return c.platform == EGL_PLATFORM_DEVICE_EXT; });
+    return std::any_of(found.begin(), found.end(), [&](const Candidate& candidate) {
+        return !candidate.software && (candidate.platform == EGL_PLATFORM_DEVICE_EXT || !listed);
+    });
+}
+
+bool EglContext::is_software() const {
+    for (const std::string_view name : {"llvmpipe", "softpipe", "swrast", "SWR"})
+        if (renderer_.find(name) != std::string::npos) return true;
+    return false;
+}
 
 EglContext::EglContext(int threads) {
     // Read once by Mesa's software GL when its first context is made; 0 draws on the calling thread.

@@ -64,6 +64,7 @@ void Program::use() const { glUseProgram(name_); }
 void Program::set(int location, int32_t value) const { glProgramUniform1i(name_, location, value); }
 void Program::set(int location, float value) const { glProgramUniform1f(name_, location, value); }
 void Program::set(int location, int32_t x, int32_t y) const { glProgramUniform2i(name_, location, x, y); }
+void Program::set(int location, int32_t x, int32_t y, int32_t z) const { glProgramUniform3i(name_, location, x, y, z); }
 void Program::set(int location, float x, float y) const { glProgramUniform2f(name_, location, x, y); }
 
 }  // namespace strata

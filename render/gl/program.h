@@ -20,6 +20,7 @@ public:
     void set(int location, int32_t value) const;
     void set(int location, float value) const;
     void set(int location, int32_t x, int32_t y) const;
+    void set(int location, int32_t x, int32_t y, int32_t z) const;
     void set(int location, float x, float y) const;
 
 private:

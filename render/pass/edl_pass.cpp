@@ -1,7 +1,5 @@
 #include "render/pass/edl_pass.h"
 
-#include <algorithm>
-#include <cmath>
 #include <optional>
 
 #include "render/gl/egl_context.h"
@@ -24,13 +22,6 @@ struct Targets {
 };
 
 }  // namespace
-
-int EdlSettings::reach_px() const { return std::max(1, int(std::lround(radius_px))); }
-
-Vec2f pixel_world_size(const Camera& camera, uint32_t height_px) {
-    const float unit = float(1.0 / pixels_per_unit(camera, 1.0, height_px));
-    return camera.projection == Projection::perspective ? Vec2f(unit, 0.0f) : Vec2f(0.0f, unit);
-}
 
 struct EdlPass::Resources {
     Program program{"cover.vert", "edl.frag"};
@@ -58,7 +49,7 @@ void EdlPass::shade(const GBuffer& in, const EdlSettings& settings, const Camera
     program.set(0, int32_t(in.width), int32_t(in.rows));
     program.set(1, pixel_world.x(), pixel_world.y());
     program.set(2, settings.strength);
-    program.set(3, int32_t(settings.reach_px()));
+    program.set(3, settings.reach_px(height_px, 0), settings.reach_px(height_px, 1), settings.reach_px(height_px, 2));
     program.set(4, settings.most_response);
     program.set(5, int32_t(settings.follow_splats));
     program.use();

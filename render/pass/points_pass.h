@@ -1,14 +1,17 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
-#include <vector>
 
+#include "core/simd_level.h"
 #include "render/gbuffer.h"
 #include "render/pass/point_projection.h"
 #include "render/stream/resident_node.h"
 
 namespace strata {
+
+class BandLocks;
 
 /// Squares and discs face the viewer and have the depth of their center. A paraboloid lies in the plane of the surface
 /// around its point, where that is known (PointShape), and falls back from it by its radius at the rim: so of splats that
@@ -39,25 +42,30 @@ struct PointNode {
 };
 
 /// Rasterizes points into one 64-bit word a pixel, depth key above the complement of the point's rank: the largest word
-/// wins by atomic maximum, so that equal depths go to the lower rank and the order of drawing does not show.
+/// wins, so that equal depths go to the lower rank and neither threads nor the order of drawing show.
 /// The compute-shader twin of the pass fills the same words.
 class PointsPass {
 public:
-    /// Words of empty pixels are 0. first_row, rows: the part of the picture to fill
-    PointsPass(uint32_t width, uint32_t first_row, uint32_t rows);
+    PointsPass();
+    ~PointsPass();
 
-    /// cost  about 10 ns a point and thread at 1 px
-    void draw(std::span<const PointNode> nodes, const PointProjection& projection, const SplatStyle& style, int threads);
+    /// Empties the words of rows [first_row, first_row + rows) of a picture. Keeps its memory for the next time.
+    void clear(uint32_t width, uint32_t first_row, uint32_t rows, int threads);
+
+    /// Draws into the rows that were cleared. level: what the processor has; never shows
+    /// cost  about 5 ns a point and thread at 1 px
+    void draw(std::span<const PointNode> nodes, const PointProjection& projection, const SplatStyle& style, int threads,
+              SimdLevel level = best_simd_level());
 
     /// Turns words into color and eye depth, and what else the options ask for. nodes, projection, style: as drawn
     void resolve(std::span<const PointNode> nodes, const PointProjection& projection, const SplatStyle& style,
-                 const ResolveOptions& options, int threads, GBuffer& out) const;
-
-    std::span<const uint64_t> words() const { return words_; }
+                 const ResolveOptions& options, int threads, GBuffer& out, SimdLevel level = best_simd_level()) const;
 
 private:
-    uint32_t width_, first_row_, rows_;
-    std::vector<uint64_t> words_;
+    uint32_t width_ = 0, stride_ = 0, first_row_ = 0, rows_ = 0;
+    size_t capacity_ = 0;  // words
+    std::unique_ptr<uint64_t[]> words_;
+    std::unique_ptr<BandLocks> locks_;
 };
 
 }  // namespace strata

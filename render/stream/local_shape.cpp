@@ -55,11 +55,13 @@ public:
         uint32_t counts[kScales] = {};
         uint64_t second[kWords / 8] = {};
         for (uint32_t i = 0; i < kWords; ++i) {
+            if (fine[i] == 0) continue;
             counts[0] += uint32_t(std::popcount(fine[i]));
             second[i / 8] |= uint64_t{bytes_with_bits(fine[i])} << i % 8 * 8;
         }
         uint64_t third = 0;
         for (uint32_t i = 0; i < kWords / 8; ++i) {
+            if (second[i] == 0) continue;
             counts[1] += uint32_t(std::popcount(second[i]));
             third |= uint64_t{bytes_with_bits(second[i])} << i * 8;
         }
@@ -201,10 +203,11 @@ ShapeGrid measure_local_shape(const ResidentNode& node, std::span<const Resident
     mark(node);
     for (const ResidentNode* ancestor : ancestors) mark(*ancestor);
 
-    auto own = std::make_unique<Counts>();
+    auto own = std::make_unique<Counts>(Counts{});
     for (int x = 0; x < kSide; ++x)
         for (int y = 0; y < kSide; ++y)
-            for (int z = 0; z < kSide; ++z) (*own)[ShapeGrid::index(x, y, z)] = occupancy->count(x, y, z);
+            for (int z = 0; z < kSide; ++z)
+                if (const size_t i = ShapeGrid::index(x, y, z); moments[i].n > 0.0) (*own)[i] = occupancy->count(x, y, z);
     auto counts = std::make_unique<Counts>(*own);
     sum_neighbors(*counts);
     const float fine_side = float(side / kFine);
@@ -213,9 +216,8 @@ ShapeGrid measure_local_shape(const ResidentNode& node, std::span<const Resident
             for (int z = 0; z < kSide; ++z) {
                 const size_t i = ShapeGrid::index(x, y, z);
                 const std::array<float, kScales>& around = (*counts)[i];
-                if (around[0] == 0.0f) continue;  // no point is near
-                // Points a cell from the cell itself where it has any, else as if one each.
-                const float points = (*own)[i][0] > 0.0f ? float(moments[i].n) / (*own)[i][0] * around[0] : around[0];
+                if (moments[i].n == 0.0) continue;
+                const float points = float(moments[i].n) / (*own)[i][0] * around[0];  // at the density of the cell itself
                 float filled = filled_side(around, points, kFilledSurface);
                 if (filled == 0.0f) filled = filled_side(around, points, kFilledLine);
                 PointShape& shape = grid.cells[i];

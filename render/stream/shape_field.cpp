@@ -12,8 +12,11 @@ namespace {
 constexpr size_t kNoSlot = ~size_t{0};
 constexpr int kAncestors = 3;     // whose points are measured with a node's own; those farther up are too few to matter
 // In spacings of the node.
-constexpr float kMostGap = 5.0f;
+constexpr float kMostGap = 8.0f;
 constexpr float kAlone = 2.0f;  // the parent's: that near lies another point that is kept
+// Gaps are closed by the points of that level whose spacing is theirs: those of finer levels, of which there are four times
+// as many each, need not reach as far.
+constexpr float kReach = 2.0f;
 
 // The drawn nodes as a tree.
 struct DrawnTree {
@@ -29,9 +32,10 @@ struct DrawnTree {
     std::vector<std::vector<size_t>> children;  // [slot]
 };
 
+bool is_inner(const LayeredNode& node) { return node.child_count > 0 || node.children_pending; }
+
 SpacingLimits limits_of(const LayeredNode& node) {
-    const bool inner = node.child_count > 0 || node.children_pending;
-    return {.least = inner ? float(node.spacing) : 0.0f, .most = kMostGap * float(node.spacing), .alone = kAlone * float(node.spacing)};
+    return {.least = is_inner(node) ? float(node.spacing) : 0.0f, .most = kMostGap * float(node.spacing), .alone = kAlone * float(node.spacing)};
 }
 
 void measure(const LayeredCloud& cloud, std::span<const NodeId> nodes, std::span<ResidentNode* const> points, const DrawnTree& tree, size_t slot) {
@@ -48,12 +52,15 @@ void measure(const LayeredCloud& cloud, std::span<const NodeId> nodes, std::span
 
 // Bounds in quanta, for finding the child that a point lies in.
 struct QuantaBox {
-    std::array<double, 3> low, high;
+    std::array<int64_t, 3> low, high;
 
     QuantaBox(const Box3d& box, const Quantization& quantization) {
+        const auto first_from = [&](double world, int axis) {
+            return int64_t(std::ceil(std::clamp((world - quantization.offset[axis]) / quantization.scale[axis], -0x1p62, 0x1p62)));
+        };
         for (int axis = 0; axis < 3; ++axis) {
-            low[size_t(axis)] = (box.min[axis] - quantization.offset[axis]) / quantization.scale[axis];
-            high[size_t(axis)] = (box.max[axis] - quantization.offset[axis]) / quantization.scale[axis];
+            low[size_t(axis)] = first_from(box.min[axis], axis);
+            high[size_t(axis)] = first_from(box.max[axis], axis);
         }
     }
     bool holds(int32_t x, int32_t y, int32_t z) const {
@@ -86,6 +93,8 @@ void update_shapes(const LayeredCloud& cloud, std::span<const NodeId> nodes, std
             ResidentNode& node = *points[slot];
             if (node.shapes.size() == node.size() && node.shapes_from == below[slot]) continue;
             node.shapes.resize(node.size());
+            const LayeredNode& own = cloud.node(nodes[slot]);
+            const float reach = kReach * float(own.spacing) * (is_inner(own) ? 1.0f : 2.0f);  // leaves hold what their parents left out
             for (size_t i = 0; i < node.size(); ++i) {
                 const int32_t x = node.x[i], y = node.y[i], z = node.z[i];
                 size_t finest = slot;
@@ -101,6 +110,7 @@ void update_shapes(const LayeredCloud& cloud, std::span<const NodeId> nodes, std
                 PointShape shape;
                 if (!points[finest]->local_shape.cells.empty()) shape = points[finest]->local_shape.at(x, y, z);
                 if (!(shape.spacing > 0.0f)) shape.spacing = float(cloud.node(nodes[finest]).spacing);
+                shape.spacing = std::min(shape.spacing, reach);
                 node.shapes[i] = shape;
             }
             node.shapes_from = std::move(below[slot]);

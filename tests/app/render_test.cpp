@@ -28,10 +28,7 @@ std::string text_of(const std::string& path) {
 // The village of the repository's sample data.
 class Render : public testing::Test {
 protected:
-    static void SetUpTestSuite() {
-        folder_ = new TemporaryFolder;
-        has_gl_ = run_strata({"render", village(), "-o", file("probe.png"), "--size", "16x16", "--quiet"}).exit_code == 0;
-    }
+    static void SetUpTestSuite() { folder_ = new TemporaryFolder; }
     static void TearDownTestSuite() {
         delete folder_;
         folder_ = nullptr;
@@ -39,7 +36,7 @@ protected:
     static std::string file(const std::string& name) { return folder_->file(name); }
     static std::string village() { return STRATA_SOURCE_DIR "/sample_data/village.las"; }
 
-    // Renders without lighting, so that no GL is needed, unless the words say otherwise.
+    // Renders without lighting unless the words say otherwise.
     static ProgramResult render(std::vector<std::string> words) {
         words.insert(words.begin(), {"render", village(), "--size", "320x200", "--overwrite"});
         if (std::find(words.begin(), words.end(), "--edl") == words.end()) words.insert(words.end(), {"--edl", "0"});
@@ -47,13 +44,12 @@ protected:
     }
 
     static inline TemporaryFolder* folder_ = nullptr;
-    static inline bool has_gl_ = false;
 };
 
-// Positions, selection and splats are the same on every machine of IEEE floats; lighting goes through the driver's exp and
-// pow, which differ by a step of 8 bits. A tile may therefore be off by 2 steps: a missing point is off by far more.
+// Positions, selection and splats are the same on every machine of IEEE floats, and so is lighting without a GPU; with one it goes
+// through the driver's exp and pow, which differ by a step of 8 bits. A tile may therefore be off by 2 steps: a missing point
+// is off by far more.
 TEST_F(Render, PicturesAgreeWithTheBaselines) {
-    if (!has_gl_) GTEST_SKIP() << "no EGL with OpenGL 4.5 here";
     const struct {
         std::string name;
         std::vector<std::string> words;
@@ -89,11 +85,31 @@ TEST_F(Render, StatsAreOneObjectWithTheKeysThatOthersRead) {
     for (const char* key : {"points_drawn", "nodes_drawn", "error_px", "bound_by", "rasterizer", "gl_renderer", "frame_ms", "pass_ms"})
         EXPECT_TRUE(stats.contains(key)) << key;
     EXPECT_EQ(stats["gl_renderer"], "");  // without lighting no GL is started
+    EXPECT_EQ(stats["edl_by"], "");
     EXPECT_EQ(result.err, "");
 
     // The camera it prints gives the same picture again.
     std::ofstream(file("camera.json")) << stats["camera"];
     ASSERT_EQ(render({"-o", file("again.png"), "--camera", file("camera.json"), "--reference", file("stats.png"), "--threshold", "2"}).exit_code, 0);
+}
+
+// What lights says so, and its radius is a share of the height: the same picture twice as large has the same shades.
+TEST_F(Render, LightingSaysWhoDidItAndFollowsTheSize) {
+    std::vector<Image> pictures;
+    for (const char* size : {"320x200", "640x400"}) {
+        const std::string path = file(std::string("lit") + size + ".png");
+        const ProgramResult result = run_strata({"render", village(), "-o", path, "--size", size, "--edl", "2,10", "--point-size",
+                                                 size[0] == '3' ? "6" : "12", "--splat", "square", "--error", "0.5", "--stats"});
+        ASSERT_EQ(result.exit_code, 0) << result.err;
+        const nlohmann::json stats = nlohmann::json::parse(result.out);
+        EXPECT_TRUE(stats["edl_by"] == "cpu" || stats["edl_by"] == "gl") << stats["edl_by"];
+        EXPECT_EQ(stats["gl_renderer"].get<std::string>().empty(), stats["edl_by"] == "cpu");
+        pictures.push_back(read_png(path));
+    }
+    double sums[2] = {};
+    for (int i = 0; i < 2; ++i)
+        for (const Rgba8 pixel : pictures[size_t(i)].pixels) sums[i] += double(green_of(pixel)) / double(pictures[size_t(i)].pixels.size());
+    EXPECT_NEAR(sums[0], sums[1], 0.3);  // of 255; with a radius in pixels they differ by 1.1
 }
 
 TEST_F(Render, BudgetBindsAndSaysSo) {

@@ -69,7 +69,6 @@ TEST_F(Determinism, OfConvert) {
 
 TEST_F(Determinism, OfRender) {
     std::vector<std::string> words = {"render", scan_, "-o", folder_.file("first.png"), "--size", "320x200"};
-    if (run_in({}, words).exit_code != 0) words.insert(words.end(), {"--edl", "0"});  // no GL here: without lighting
     ASSERT_EQ(run_in({}, words).exit_code, 0);
     words[3] = folder_.file("again.png");
     for (const Surroundings& at : surroundings()) {

@@ -31,7 +31,7 @@ ResidentNode node_of(const std::vector<Vec3d>& positions, const Quantization& qu
 }
 
 GBuffer draw(const std::vector<ResidentNode>& nodes, const Camera& camera, const SplatStyle& style, int threads = 1,
-             const Quantization& quantization = kMillimeters) {
+             const Quantization& quantization = kMillimeters, SimdLevel level = best_simd_level()) {
     std::vector<PointNode> list;
     uint32_t rank = 0;
     for (const ResidentNode& node : nodes) {
@@ -39,10 +39,11 @@ GBuffer draw(const std::vector<ResidentNode>& nodes, const Camera& camera, const
         rank += uint32_t(node.size());
     }
     const PointProjection projection(camera, quantization, kWidth, kHeight);
-    PointsPass pass(kWidth, 0, kHeight);
-    pass.draw(list, projection, style, threads);
+    PointsPass pass;
+    pass.clear(kWidth, 0, kHeight, threads);
+    pass.draw(list, projection, style, threads, level);
     GBuffer out;
-    pass.resolve(list, projection, style, {.splat_px = true, .ids = true}, threads, out);
+    pass.resolve(list, projection, style, {.splat_px = true, .ids = true}, threads, out, level);
     return out;
 }
 
@@ -192,11 +193,16 @@ std::vector<ResidentNode> random_nodes(const Quantization& quantization) {
         for (int i = 0; i < 20000; ++i)
             positions.push_back(quantization.offset + Vec3d(random.uniform(-3, 3), random.uniform(1, 6), random.uniform(-2, 2)));
         nodes.push_back(node_of(positions, quantization));
+        for (size_t i = 0; i < positions.size(); i += 2)  // the others lie in no plane
+            nodes.back().shapes[i] = {.spacing = float(random.uniform(0.01, 0.1)),
+                                      .normal = {int8_t(int(random.bits() % 127) - 63), int8_t(int(random.bits() % 127) - 63), int8_t(random.bits() % 63 + 1)}};
     }
     return nodes;
 }
 
-bool equal(const GBuffer& a, const GBuffer& b) { return a.colors == b.colors && a.depths == b.depths && a.ids == b.ids; }
+bool equal(const GBuffer& a, const GBuffer& b) {
+    return a.colors == b.colors && a.depths == b.depths && a.ids == b.ids && a.splat_px == b.splat_px;
+}
 
 TEST(PointsPass, ThreadsDoNotShow) {
     const std::vector<ResidentNode> nodes = random_nodes(kMillimeters);
@@ -205,6 +211,40 @@ TEST(PointsPass, ThreadsDoNotShow) {
         const GBuffer one = draw(nodes, camera_north(Projection::perspective), style, 1);
         EXPECT_TRUE(equal(one, draw(nodes, camera_north(Projection::perspective), style, 2)));
         EXPECT_TRUE(equal(one, draw(nodes, camera_north(Projection::perspective), style, 7)));
+    }
+}
+
+// Every shape and both projections, through each compiled kernel; sizes from one pixel to many.
+TEST(PointsPass, InstructionSetsDoNotShow) {
+    const std::vector<ResidentNode> nodes = random_nodes(kMillimeters);
+    for (const Projection projection : {Projection::perspective, Projection::orthographic})
+        for (const SplatShape shape : {SplatShape::square, SplatShape::disc, SplatShape::paraboloid})
+            for (const float fixed_px : {0.0f, 1.0f, 2.6f, 4.0f, 30.0f}) {
+                const SplatStyle style = {.shape = shape, .fixed_px = fixed_px};
+                Camera camera = camera_north(projection);
+                camera.height = 4;
+                const GBuffer plain = draw(nodes, camera, style, 1, kMillimeters, SimdLevel::baseline);
+                EXPECT_GT(drawn(plain), 1000u);
+                for (const SimdLevel level : simd_levels())
+                    EXPECT_TRUE(equal(plain, draw(nodes, camera, style, 2, kMillimeters, level))) << name_of(level) << ' ' << fixed_px;
+            }
+}
+
+// A second picture in the same memory, of another size, shows nothing of the first.
+TEST(PointsPass, ClearForgets) {
+    const std::vector<ResidentNode> nodes = random_nodes(kMillimeters);
+    std::vector<PointNode> list = {{.points = &nodes[0], .first_rank = 0, .top_row = 0, .bottom_row = kHeight}};
+    PointsPass pass;
+    pass.clear(kWidth, 0, kHeight, 2);
+    pass.draw(list, PointProjection(camera_north(Projection::perspective), kMillimeters, kWidth, kHeight), {}, 2);
+    const PointProjection small(camera_north(Projection::perspective), kMillimeters, 50, 40);
+    for (const auto& [first_row, rows] : {std::pair(0u, 40u), {10u, 7u}}) {
+        pass.clear(50, first_row, rows, 2);
+        GBuffer out;
+        pass.resolve(list, small, {}, {.splat_px = true, .ids = true}, 2, out);
+        EXPECT_EQ(out.colors, std::vector<Rgba8>(50 * rows, 0));
+        EXPECT_EQ(out.splat_px, std::vector<uint8_t>(50 * rows, 0));
+        EXPECT_EQ(drawn(out), 0u);
     }
 }
 

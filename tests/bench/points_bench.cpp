@@ -1,0 +1,236 @@
+// The CPU rasterizer, beside GL_POINTS on the same machine and beside reading the points' bytes and nothing more. STRATA_BENCH_SET
+// names a Potree set: strata sample scan.las --points 50000000, strata convert scan.las set. At 1920 x 1080, its usual view.
+#include <benchmark/benchmark.h>
+#include <epoxy/gl.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <memory>
+
+#include "core/octree/node_selection.h"
+#include "core/parallel.h"
+#include "io/format.h"
+#include "render/gl/egl_context.h"
+#include "render/named_view.h"
+#include "render/pass/points_pass.h"
+#include "render/stream/node_loader.h"
+#include "render/stream/shape_field.h"
+
+namespace strata {
+namespace {
+
+constexpr uint32_t kWidth = 1920, kHeight = 1080;
+
+// Nodes of one view, loaded and ready to draw.
+struct View {
+    std::unique_ptr<LayeredCloud> cloud;
+    Camera camera;
+    std::vector<NodeId> ids;
+    std::vector<ResidentNode> points;
+    std::vector<PointNode> nodes;
+    uint64_t count = 0;
+
+    View(const char* path, double error_px, uint64_t budget) : cloud(open_layered(path)) {
+        camera = named_view("iso", Projection::perspective, 0.785398, sample_positions(*cloud), double(kWidth) / kHeight);
+        fit_depth_range(camera, cloud->info().bounds);
+        ids = select_nodes(*cloud, camera, kWidth, kHeight, {.error_px = error_px, .point_budget = budget}).nodes;
+        const PointColorizer colors(cloud->info(), find_color_channel(cloud->info(), "lod"), {});
+        LoadFailures failures;
+        points = load_nodes(*cloud, ids, colors, PointFilter(), default_thread_count(), failures);
+        update_shapes(*cloud, ids, points, default_thread_count());
+        for (size_t slot = 0; slot < ids.size(); ++slot) {
+            nodes.push_back({&points[slot], uint32_t(count), 0.0f, float(kHeight)});
+            count += points[slot].size();
+        }
+    }
+
+    PointProjection projection() const { return {camera, cloud->info().quantization, kWidth, kHeight}; }
+};
+
+// few: what a frame draws at an error of 1 px; else 10 million points
+const View* view(benchmark::State& state, bool few) {
+    const char* const path = std::getenv("STRATA_BENCH_SET");
+    if (path == nullptr) {
+        state.SkipWithError("STRATA_BENCH_SET names no Potree set");
+        return nullptr;
+    }
+    static std::unique_ptr<View> views[2];
+    if (!views[few]) views[few] = std::make_unique<View>(path, few ? 1.0 : 0.01, few ? ~uint64_t{0} : 10'000'000);
+    return views[few].get();
+}
+
+void report(benchmark::State& state, const View& view) {
+    state.counters["points"] = double(view.count);
+    state.counters["points/s"] = benchmark::Counter(double(view.count) * double(state.iterations()), benchmark::Counter::kIsRate);
+}
+
+// The bound: the 12 bytes of each point, once.
+void read_positions(benchmark::State& state) {
+    const View* const v = view(state, false);
+    if (v == nullptr) return;
+    for (auto _ : state) {
+        std::atomic<uint32_t> sum = 0;
+        parallel_blocks(int(state.range(0)), v->points.size(), 1, [&](size_t begin, size_t end) {
+            uint32_t part = 0;
+            for (size_t i = begin; i < end; ++i)
+                for (const auto* column : {&v->points[i].x, &v->points[i].y, &v->points[i].z})
+                    for (const int32_t q : *column) part += uint32_t(q);
+            sum += part;
+        });
+        benchmark::DoNotOptimize(sum.load());
+    }
+    report(state, *v);
+}
+BENCHMARK(read_positions)->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
+
+void clear_words(benchmark::State& state) {
+    PointsPass pass;
+    for (auto _ : state) pass.clear(kWidth, 0, kHeight, int(state.range(0)));
+}
+BENCHMARK(clear_words)->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
+
+// Every bench's picture is that of the plainest kernel on one thread.
+uint64_t checksum(const GBuffer& picture) {
+    uint64_t sum = 14695981039346656037u;
+    for (size_t i = 0; i < picture.depths.size(); ++i) sum = (sum ^ std::bit_cast<uint32_t>(picture.depths[i]) ^ picture.ids[i]) * 1099511628211u;
+    return sum;
+}
+
+void draw(benchmark::State& state, bool few, SplatStyle style, SimdLevel level) {
+    const View* const v = view(state, few);
+    if (v == nullptr) return;
+    if (level > best_simd_level()) return state.SkipWithError("not on this processor");
+    const int threads = int(state.range(0));
+    const PointProjection projection = v->projection();
+    PointsPass pass;
+    for (auto _ : state) {
+        state.PauseTiming();
+        pass.clear(kWidth, 0, kHeight, threads);
+        state.ResumeTiming();
+        pass.draw(v->nodes, projection, style, threads, level);
+    }
+    report(state, *v);
+    GBuffer drawn, expected;
+    pass.resolve(v->nodes, projection, style, {.ids = true}, threads, drawn);
+    pass.clear(kWidth, 0, kHeight, 1);
+    pass.draw(v->nodes, projection, style, 1, SimdLevel::baseline);
+    pass.resolve(v->nodes, projection, style, {.ids = true}, 1, expected);
+    if (checksum(drawn) != checksum(expected)) state.SkipWithError("another picture");
+}
+
+void resolve(benchmark::State& state, bool splat_px) {
+    const View* const v = view(state, true);
+    if (v == nullptr) return;
+    const int threads = int(state.range(0));
+    const PointProjection projection = v->projection();
+    PointsPass pass;
+    pass.clear(kWidth, 0, kHeight, threads);
+    pass.draw(v->nodes, projection, {}, threads);
+    GBuffer out;
+    for (auto _ : state) pass.resolve(v->nodes, projection, {}, {.splat_px = splat_px}, threads, out);
+}
+BENCHMARK_CAPTURE(resolve, plain, false)->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(resolve, with_sizes, true)->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
+
+const int kRegistered = [] {
+    const SplatStyle pixel = {.shape = SplatShape::square, .fixed_px = 1.0f}, disc = {.shape = SplatShape::disc, .fixed_px = 3.0f};
+    for (const SimdLevel level : {SimdLevel::baseline, SimdLevel::avx2, SimdLevel::avx512}) {
+        const std::string with = "/" + std::string(name_of(level));
+        for (const auto& [name, few, style] : {std::tuple("draw/1px", false, pixel), {"draw/discs_3px", false, disc}, {"draw/frame", true, SplatStyle{}}})
+            benchmark::RegisterBenchmark((name + with).c_str(), draw, few, style, level)
+                ->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
+    }
+    return 0;
+}();
+
+// The same points as GL_POINTS of one pixel with a depth test: floats relative to the eye, from a buffer made before.
+class GlPoints {
+public:
+    explicit GlPoints(const View& view) : context_(default_thread_count()), count_(view.count) {
+        const Quantization& quantization = view.cloud->info().quantization;
+        std::vector<float> xyz;
+        for (const ResidentNode& node : view.points)
+            for (size_t i = 0; i < node.size(); ++i) {
+                const Vec3d p = view.camera.view_from_world *
+                                (quantization.world_from_quanta({node.x[i], node.y[i], node.z[i]}) - view.camera.eye);
+                for (int axis = 0; axis < 3; ++axis) xyz.push_back(float(p[axis]));
+            }
+        glCreateBuffers(1, &buffer_);
+        glNamedBufferStorage(buffer_, GLsizeiptr(xyz.size() * sizeof(float)), xyz.data(), 0);
+        glCreateVertexArrays(1, &array_);
+        glVertexArrayVertexBuffer(array_, 0, buffer_, 0, 3 * sizeof(float));
+        glVertexArrayAttribFormat(array_, 0, 3, GL_FLOAT, GL_FALSE, 0);
+        glEnableVertexArrayAttrib(array_, 0);
+        glCreateRenderbuffers(2, targets_);
+        glNamedRenderbufferStorage(targets_[0], GL_RGBA8, kWidth, kHeight);
+        glNamedRenderbufferStorage(targets_[1], GL_DEPTH_COMPONENT32F, kWidth, kHeight);
+        glCreateFramebuffers(1, &framebuffer_);
+        glNamedFramebufferRenderbuffer(framebuffer_, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, targets_[0]);
+        glNamedFramebufferRenderbuffer(framebuffer_, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, targets_[1]);
+        const double scale = pixels_per_unit(view.camera, 1.0, kHeight);
+        program_ = glCreateProgram();
+        attach(GL_VERTEX_SHADER, "#version 450\nlayout(location=0) in vec3 p; layout(location=0) uniform vec3 s;"
+                                 "void main() { gl_Position = vec4(p.xy * s.xy, -s.z, -p.z); }");
+        attach(GL_FRAGMENT_SHADER, "#version 450\nlayout(location=0) out vec4 c; void main() { c = vec4(1.0); }");
+        glLinkProgram(program_);
+        glUseProgram(program_);
+        glUniform3f(0, float(2.0 * scale / kWidth), float(2.0 * scale / kHeight), -float(view.camera.near_depth));
+        glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
+        glViewport(0, 0, kWidth, kHeight);
+        glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
+        glEnable(GL_DEPTH_TEST);
+        glDepthFunc(GL_GREATER);
+        glClearDepth(0.0);
+        glBindVertexArray(array_);
+    }
+    GlPoints(const GlPoints&) = delete;
+    GlPoints& operator=(const GlPoints&) = delete;
+    // What it made goes with its context.
+
+    void draw() {
+        glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+        glDrawArrays(GL_POINTS, 0, GLsizei(count_));
+        glFinish();
+    }
+
+    size_t drawn() {
+        std::vector<Rgba8> pixels(size_t(kWidth) * kHeight);
+        glReadPixels(0, 0, kWidth, kHeight, GL_RGBA, GL_UNSIGNED_BYTE, pixels.data());
+        return size_t(std::count_if(pixels.begin(), pixels.end(), [](Rgba8 pixel) { return pixel != 0; }));
+    }
+
+private:
+    void attach(GLenum stage, const char* text) {
+        const GLuint shader = glCreateShader(stage);
+        glShaderSource(shader, 1, &text, nullptr);
+        glCompileShader(shader);
+        glAttachShader(program_, shader);
+    }
+
+    EglContext context_;
+    uint64_t count_;
+    GLuint buffer_ = 0, array_ = 0, framebuffer_ = 0, program_ = 0, targets_[2] = {};
+};
+
+void gl_points(benchmark::State& state) {
+    const View* const v = view(state, false);
+    if (v == nullptr) return;
+    GlPoints points(*v);
+    points.draw();  // compiles
+    for (auto _ : state) points.draw();
+    report(state, *v);
+    // As many pixels as the CPU rasterizer covers, but for points on the border of two.
+    PointsPass pass;
+    const SplatStyle style = {.shape = SplatShape::square, .fixed_px = 1.0f};
+    pass.clear(kWidth, 0, kHeight, 2);
+    pass.draw(v->nodes, v->projection(), style, 2);
+    GBuffer drawn;
+    pass.resolve(v->nodes, v->projection(), style, {}, 2, drawn);
+    const size_t expected = size_t(std::count_if(drawn.depths.begin(), drawn.depths.end(), [](float depth) { return depth != kNoDepth; }));
+    if (std::max(expected, points.drawn()) - std::min(expected, points.drawn()) > expected / 1000) state.SkipWithError("other pixels");
+}
+BENCHMARK(gl_points)->UseRealTime()->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace strata
