@@ -37,7 +37,9 @@ Error unknown_command(std::span<const Command> commands, const std::string& name
 // so that a file may follow too.
 std::vector<std::string> with_values_left_out(std::span<const Command> commands, std::vector<std::string> words) {
     const auto is_number = [](const std::string& word) {
-        return !word.empty() && std::all_of(word.begin(), word.end(), [](char c) { return c >= '0' && c <= '9'; });
+        double value = 0.0;
+        const char* const end = word.data() + word.size();
+        return !word.empty() && std::from_chars(word.data(), end, value).ptr == end;
     };
     for (const Command& command : commands) {
         if (words.empty() || words[0] != command.name) continue;

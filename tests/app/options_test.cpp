@@ -69,6 +69,7 @@ TEST(Options, AValueInBracketsMayBeLeftOut) {
     }
     EXPECT_EQ(parsed({"--depth", "8", "a", "b"}).integer("--depth", 0, 9), 8);
     EXPECT_EQ(parsed({"--depth=3", "a", "b"}).integer("--depth", 0, 9), 3);
+    EXPECT_EQ(parsed({"--depth", "2.5", "a", "b"}).number("--depth"), 2.5);
 }
 
 TEST(Options, WhatIsNotGivenHasItsDefault) {
