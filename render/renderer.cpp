@@ -11,6 +11,8 @@
 #include "core/parallel.h"
 #include "render/gl/egl_context.h"
 #include "render/pass/edl_kernel.h"
+#include "render/pass/fill_kernel.h"
+#include "render/pass/fill_pass.h"
 #include "render/sample_sums.h"
 #include "render/stream/node_loader.h"
 #include "render/stream/point_cut.h"
@@ -135,8 +137,11 @@ void fill_background(std::span<Rgba8> colors, Rgba8 background, int threads) {
 struct Renderer::Gl {
     explicit Gl(int threads) : context(threads), edl(context) {}
 
+    FillPass& fill_pass() { return fill ? *fill : fill.emplace(context); }
+
     EglContext context;
     EdlPass edl;
+    std::optional<FillPass> fill;  // made when a frame first fills holes
 };
 
 // Kept from frame to frame: fresh memory costs more than what is written to it.
@@ -172,7 +177,9 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     Stopwatch watch(report);
 
     const uint32_t strip_rows = choose_strip_rows(settings);
-    const int reach = edl_reach_px(settings);
+    const int edl_reach = edl_reach_px(settings), fill_reach = settings.fill.reach_px();
+    // Each pass needs the finished rows that the next one looks at.
+    const int reach = fill_reach + edl_reach;
     SelectionSettings selection_settings = settings.selection;
     const uint64_t strip_bytes = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach)) * pixel_bytes(settings);
     const ClipRegion clip(settings.clips, cloud.info().quantization);
@@ -216,10 +223,10 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     for (const PointNode& node : nodes) report.points_drawn += node.points->size();
     watch.lap("cut");
 
-    if (reach > 0) {
+    if (edl_reach + fill_reach > 0) {
         start_gl(settings.threads);
         watch.lap("gl start");
-        report.edl_by = gl_ ? "gl" : "cpu";
+        if (edl_reach > 0) report.edl_by = gl_ ? "gl" : "cpu";
     }
     if (gl_) report.gl_renderer = gl_->context.renderer();
 
@@ -241,12 +248,19 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
             watch.lap("clear");
             pass.draw(nodes, projection, settings.splat, settings.threads);
             watch.lap("points");
-            const ResolveOptions wanted = {.splat_px = reach > 0 && settings.edl.follow_splats, .ids = settings.with_ids && sample == 0};
+            const ResolveOptions wanted = {.splat_px = fill_reach > 0 || (edl_reach > 0 && settings.edl.follow_splats), .ids = settings.with_ids && sample == 0};
             pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
             restore_indices(gbuffer.ids, cut);
             watch.lap("resolve");
+            if (fill_reach > 0) {
+                if (gl_)
+                    gl_->fill_pass().fill(gbuffer, settings.fill, camera, settings.height);
+                else
+                    fill_holes(gbuffer, settings.fill, camera, settings.height, settings.threads);
+                watch.lap("fill");
+            }
             finished = std::span(gbuffer.colors).subspan(skip, count);
-            if (reach > 0) {
+            if (edl_reach > 0) {
                 shaded.resize(count);
                 if (gl_)
                     gl_->edl.shade(gbuffer, settings.edl, camera, settings.height, above, rows, shaded);

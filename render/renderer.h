@@ -13,6 +13,7 @@
 #include "core/octree/node_selection.h"
 #include "render/gbuffer.h"
 #include "render/pass/edl_pass.h"
+#include "render/pass/fill_settings.h"
 #include "render/pass/points_pass.h"
 #include "render/point_color.h"
 #include "render/stream/resident_cloud.h"
@@ -28,6 +29,7 @@ struct RenderSettings {
     SelectionSettings selection;       // what concerns memory and clip is set by render_frame
     std::vector<ClipBox> clips;
     PointFilter filter;                // made for the cloud
+    FillSettings fill;
     EdlSettings edl;
     Rgba8 background = make_rgba(24, 28, 36);  // alpha 0: transparent
     bool with_ids = false;

@@ -40,6 +40,7 @@ constexpr OptionRow kRows[] = {
     {"--clip", "", "BOX[;BOX...]", "", "draw only what is in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units, faces included; a number left out is open. Views are framed around the boxes"},
     {"--clip-out", "", "BOX[;BOX...]", "", "draw nothing that is in a box"},
     {"--filter", "", "NAME=VALUES[;...]", "", "draw only points whose values are among these: 'class=2,6;return=1;intensity=100:2000'; names as for --color"},
+    {"--fill", "", "[PIXELS]", "auto", "close gaps between the samples of a surface, up to so wide, at most 16; auto: as wide as the points there, up to 16. Off unless given"},
     {"--edl", "", "STRENGTH[,RADIUS]", "0.7", "eye-dome lighting: how dark slopes get, and how far neighbors lie, in thousandths of the height; default radius: 2, or a splat where larger; 0: off"},
     {"--samples", "", "N", "1", "average so many pictures a fraction of a pixel apart: smooth edges; depth and sizes are as with 1"},
     {"--time-budget", "", "MILLISECONDS", "0", "stop reading and drawing finer nodes so that the picture takes about so long; 0: take the time it needs"},
@@ -104,6 +105,16 @@ EdlSettings parse_edl(const std::string& text) {
     if (!(edl.strength >= 0.0f && edl.strength <= 1000.0f)) refuse("--edl", "a strength from 0 to 1000", text);
     if (!(edl.radius >= 1e-4f && edl.radius <= 0.05f)) refuse("--edl", "a radius from 0.1 to 50 thousandths of the height", text);
     return edl;
+}
+
+FillSettings parse_fill(const Options& options) {
+    if (!options.given("--fill")) return {};
+    const std::string text = options.text("--fill");
+    if (text == "auto") return {.gap_px = FillSettings::kWidestGap};
+    const std::string expected = "the width of gaps, from 1 to 16 pixels, or auto";
+    const double gap_px = parse_double("--fill", text, expected, text);
+    if (!(gap_px >= 1.0 && gap_px <= FillSettings::kWidestGap)) refuse("--fill", expected, text);
+    return {.gap_px = float(gap_px), .follow_splats = false};
 }
 
 SplatStyle parse_splat(const Options& options) {
@@ -239,6 +250,7 @@ void check_render_options(const Options& options) {
     if (!is_png_name(options.text("--output"))) refuse("--output", "a name that ends in .png", options.text("--output"));
     parse_size(options.text("--size"));
     parse_color(options.text("--background"));
+    parse_fill(options);
     parse_edl(options.text("--edl"));
     parse_splat(options);
     parse_fov(options);
@@ -277,6 +289,7 @@ RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
 
     std::tie(settings.width, settings.height) = parse_size(options.text("--size"));
     settings.background = options.given("--transparent") ? 0 : parse_color(options.text("--background"));
+    settings.fill = parse_fill(options);
     settings.edl = parse_edl(options.text("--edl"));
     settings.splat = parse_splat(options);
     settings.selection.error_px = options.number("--error");

@@ -18,6 +18,7 @@ TexelLayout layout_of(TexelFormat format) {
         case TexelFormat::rgba8: return {GL_RGBA8, GL_RGBA, GL_UNSIGNED_BYTE};
         case TexelFormat::r8: return {GL_R8, GL_RED, GL_UNSIGNED_BYTE};
         case TexelFormat::r32f: return {GL_R32F, GL_RED, GL_FLOAT};
+        case TexelFormat::rgba32ui: return {GL_RGBA32UI, GL_RGBA_INTEGER, GL_UNSIGNED_INT};
     }
     return {};
 }
@@ -79,9 +80,15 @@ void Framebuffer::draw_covering(uint32_t rows) const {
     glDrawArrays(GL_TRIANGLES, 0, 3);
 }
 
-void Framebuffer::read(uint32_t first, uint32_t rows, uint32_t* out) const {
+void Framebuffer::read(uint32_t first, uint32_t rows, uint32_t* out) const { read_as(GL_RGBA, GL_UNSIGNED_BYTE, first, rows, out); }
+
+void Framebuffer::read_integers(uint32_t first, uint32_t rows, void* out) const {
+    read_as(GL_RGBA_INTEGER, GL_UNSIGNED_INT, first, rows, out);
+}
+
+void Framebuffer::read_as(uint32_t format, uint32_t type, uint32_t first, uint32_t rows, void* out) const {
     glBindFramebuffer(GL_READ_FRAMEBUFFER, name_);
-    glReadPixels(0, GLint(first), GLsizei(width_), GLsizei(rows), GL_RGBA, GL_UNSIGNED_BYTE, out);
+    glReadPixels(0, GLint(first), GLsizei(width_), GLsizei(rows), format, type, out);
     if (glGetError() != GL_NO_ERROR) throw Error(ErrorKind::device, "OpenGL: reading the picture back failed");
 }
 

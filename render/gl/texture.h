@@ -6,7 +6,7 @@
 namespace strata {
 
 /// Texel formats that passes use.
-enum class TexelFormat { rgba8, r8, r32f };
+enum class TexelFormat { rgba8, r8, r32f, rgba32ui };
 
 /// A two-dimensional texture without mipmaps, read texel by texel. Owns its GL name; the context must be current.
 class Texture {
@@ -42,8 +42,12 @@ public:
     void draw_covering(uint32_t rows) const;
     /// Reads rows [first, first + rows) as RGBA bytes.
     void read(uint32_t first, uint32_t rows, uint32_t* out) const;
+    /// Reads rows of four unsigned integers a texel, from a texture of rgba32ui.
+    void read_integers(uint32_t first, uint32_t rows, void* out) const;
 
 private:
+    void read_as(uint32_t format, uint32_t type, uint32_t first, uint32_t rows, void* out) const;
+
     uint32_t name_ = 0, vertex_array_ = 0;
     uint32_t width_, height_;
 };

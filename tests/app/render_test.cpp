@@ -78,6 +78,21 @@ TEST_F(Render, SamePixelsForAnyThreadsAndStrips) {
     EXPECT_EQ(text_of(file("one.png")), text_of(file("many.png")));
 }
 
+// Fewer pixels show the background, in parts of the picture as in the whole; given without a number, it goes by the points.
+TEST_F(Render, FillClosesHoles) {
+    const auto empty = [&](const std::string& name, std::vector<std::string> words) {
+        words.insert(words.begin(), {"-o", file(name), "--transparent", "--splat", "disc", "--point-size", "2"});
+        EXPECT_EQ(render(words).exit_code, 0);
+        const Image picture = read_png(file(name));
+        return std::count_if(picture.pixels.begin(), picture.pixels.end(), [](Rgba8 pixel) { return alpha_of(pixel) == 0; });
+    };
+    const auto open = empty("open.png", {}), by_points = empty("by_points.png", {"--fill"}), wide = empty("wide.png", {"--fill", "6"});
+    EXPECT_LT(by_points, open);
+    EXPECT_LT(wide, by_points);
+    EXPECT_EQ(empty("equals.png", {"--fill=6", "--tile", "17", "--threads", "3"}), wide);
+    EXPECT_EQ(text_of(file("equals.png")), text_of(file("wide.png")));
+}
+
 TEST_F(Render, StatsAreOneObjectWithTheKeysThatOthersRead) {
     const ProgramResult result = render({"-o", file("stats.png"), "--stats"});
     ASSERT_EQ(result.exit_code, 0) << result.err;
@@ -215,7 +230,7 @@ TEST_F(Render, WrongCommandLinesAreUsageErrors) {
     const std::vector<std::vector<std::string>> wrong = {
         {"--size", "0x10"}, {"--size", "16385x1"}, {"--size", "10"}, {"--view", "above"}, {"--fov", "180"}, {"--fov", "nan"},
         {"--eye", "0,0,nan"}, {"--eye", "1,2,3", "--target", "1,2,3"}, {"--eye", "1,2,3", "--view", "top"}, {"--up", "0,0,1"},
-        {"--color", "smell"}, {"--colormap", "plaid"}, {"--background", "red"}, {"--edl", "-1"}, {"--edl", "1,2,3"},
+        {"--color", "smell"}, {"--colormap", "plaid"}, {"--background", "red"}, {"--edl", "-1"}, {"--fill", "0"}, {"--fill", "17"}, {"--fill=wide", "-q"}, {"--edl", "1,2,3"},
         {"--point-size", "0"}, {"--splat", "star"}, {"--error", "0"}, {"--budget", "0"}, {"--meters-per-pixel", "1"},
         {"--reference", "a.png", "--threshold", "-1"}, {"--threshold", "1"},
         {"--samples", "0"}, {"--samples", "1025"}, {"--time-budget", "-1"},
