@@ -21,7 +21,7 @@
 namespace strata {
 namespace {
 
-constexpr uint64_t kPixelBytes = 48;    // word, G-buffer, finished row, and the pass's textures on software GL
+constexpr uint64_t kPixelBytes = 60;    // word, G-buffer, finished row, and the passes' planes and textures
 constexpr uint64_t kSamplePixelBytes = 52;  // more with several samples: sums, and a G-buffer for those after the first
 constexpr uint64_t kStripPixels = 8 << 20;
 
@@ -148,6 +148,7 @@ struct Renderer::Gl {
 struct Renderer::Buffers {
     PointsPass points;
     GBuffer gbuffer, other_samples;
+    SsaoKernel ssao;
     std::vector<Rgba8> shaded;
     SampleSums sums;
 };
@@ -177,9 +178,9 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     Stopwatch watch(report);
 
     const uint32_t strip_rows = choose_strip_rows(settings);
-    const int edl_reach = edl_reach_px(settings), fill_reach = settings.fill.reach_px();
+    const int edl_reach = edl_reach_px(settings), fill_reach = settings.fill.reach_px(), ssao_reach = settings.ssao.reach_px();
     // Each pass needs the finished rows that the next one looks at.
-    const int reach = fill_reach + edl_reach;
+    const int reach = fill_reach + ssao_reach + edl_reach;
     SelectionSettings selection_settings = settings.selection;
     const uint64_t strip_bytes = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach)) * pixel_bytes(settings);
     const ClipRegion clip(settings.clips, cloud.info().quantization);
@@ -231,7 +232,7 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     if (gl_) report.gl_renderer = gl_->context.renderer();
 
     // Depths and identities are those of the first sample, which lies in the middle of the pixel.
-    auto& [pass, first, others, shaded, sums] = *buffers_;
+    auto& [pass, first, others, ssao, shaded, sums] = *buffers_;
     for (uint32_t row = 0; row < settings.height; row += strip_rows) {
         const uint32_t rows = std::min(strip_rows, settings.height - row);
         // Neighbours of the strip's own rows are drawn with it, so that its seams do not show.
@@ -248,7 +249,7 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
             watch.lap("clear");
             pass.draw(nodes, projection, settings.splat, settings.threads);
             watch.lap("points");
-            const ResolveOptions wanted = {.splat_px = fill_reach > 0 || (edl_reach > 0 && settings.edl.follow_splats), .ids = settings.with_ids && sample == 0};
+            const ResolveOptions wanted = {.splat_px = fill_reach + ssao_reach > 0 || (edl_reach > 0 && settings.edl.follow_splats), .ids = settings.with_ids && sample == 0};
             pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
             restore_indices(gbuffer.ids, cut);
             watch.lap("resolve");
@@ -258,6 +259,10 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
                 else
                     fill_holes(gbuffer, settings.fill, camera, settings.height, settings.threads);
                 watch.lap("fill");
+            }
+            if (ssao_reach > 0) {
+                ssao.shade(gbuffer, settings.ssao, camera, settings.height, settings.threads);
+                watch.lap("ssao");
             }
             finished = std::span(gbuffer.colors).subspan(skip, count);
             if (edl_reach > 0) {

@@ -15,6 +15,7 @@
 #include "render/pass/edl_pass.h"
 #include "render/pass/fill_settings.h"
 #include "render/pass/points_pass.h"
+#include "render/pass/ssao_kernel.h"
 #include "render/point_color.h"
 #include "render/stream/resident_cloud.h"
 
@@ -30,6 +31,7 @@ struct RenderSettings {
     std::vector<ClipBox> clips;
     PointFilter filter;                // made for the cloud
     FillSettings fill;
+    SsaoSettings ssao;
     EdlSettings edl;
     Rgba8 background = make_rgba(24, 28, 36);  // alpha 0: transparent
     bool with_ids = false;

@@ -41,6 +41,7 @@ constexpr OptionRow kRows[] = {
     {"--clip-out", "", "BOX[;BOX...]", "", "draw nothing that is in a box"},
     {"--filter", "", "NAME=VALUES[;...]", "", "draw only points whose values are among these: 'class=2,6;return=1;intensity=100:2000'; names as for --color"},
     {"--fill", "", "[PIXELS]", "auto", "close gaps between the samples of a surface, up to so wide, at most 16; auto: as wide as the points there, up to 16. Off unless given"},
+    {"--ssao", "", "[RADIUS]", "auto", "ambient occlusion: darken what little of the sky reaches past its surroundings within a radius, CRS units; auto: a hundredth of the cloud's diagonal. Off unless given"},
     {"--edl", "", "STRENGTH[,RADIUS]", "0.7", "eye-dome lighting: how dark slopes get, and how far neighbors lie, in thousandths of the height; default radius: 2, or a splat where larger; 0: off"},
     {"--samples", "", "N", "1", "average so many pictures a fraction of a pixel apart: smooth edges; depth and sizes are as with 1"},
     {"--time-budget", "", "MILLISECONDS", "0", "stop reading and drawing finer nodes so that the picture takes about so long; 0: take the time it needs"},
@@ -115,6 +116,22 @@ FillSettings parse_fill(const Options& options) {
     const double gap_px = parse_double("--fill", text, expected, text);
     if (!(gap_px >= 1.0 && gap_px <= FillSettings::kWidestGap)) refuse("--fill", expected, text);
     return {.gap_px = float(gap_px), .follow_splats = false};
+}
+
+// The radius as given; 0 where it is left to the cloud.
+double parse_ssao(const Options& options) {
+    const std::string text = options.text("--ssao");
+    if (text == "auto") return 0.0;
+    const double radius = parse_double("--ssao", text, "a positive radius or auto", text);
+    if (!(radius > 0.0)) refuse("--ssao", "a positive radius or auto", text);
+    return radius;
+}
+
+// A hundredth of the cloud's diagonal: corners and eaves show, hills do not.
+double sensible_ssao_radius(std::span<const Vec3d> points) {
+    Box3d box;
+    for (const Vec3d& p : points) box.extend(p);
+    return box.empty() ? 1.0 : std::max(0.01 * box.size().norm(), 1e-6);
 }
 
 SplatStyle parse_splat(const Options& options) {
@@ -251,6 +268,7 @@ void check_render_options(const Options& options) {
     parse_size(options.text("--size"));
     parse_color(options.text("--background"));
     parse_fill(options);
+    parse_ssao(options);
     parse_edl(options.text("--edl"));
     parse_splat(options);
     parse_fov(options);
@@ -318,6 +336,8 @@ RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
     std::vector<Vec3d> points = kept_corners(settings.clips, cloud.info().bounds);
     const bool whole = points.empty();
     if (whole) points = sample_positions(cloud);
+    if (options.given("--ssao"))
+        settings.ssao.radius = float(parse_ssao(options) > 0.0 ? parse_ssao(options) : sensible_ssao_radius(points));
     const double aspect = double(settings.width) / settings.height;
     if (options.given("--camera")) {
         request.camera = camera_of(read_camera_file(options.text("--camera")));

@@ -93,6 +93,26 @@ TEST_F(Render, FillClosesHoles) {
     EXPECT_EQ(text_of(file("equals.png")), text_of(file("wide.png")));
 }
 
+// Darker somewhere and lighter nowhere; the radius may be left to the cloud; strips and threads do not show.
+TEST_F(Render, AmbientOcclusionDarkens) {
+    const auto picture = [&](const std::string& name, std::vector<std::string> words) {
+        words.insert(words.begin(), {"-o", file(name)});
+        EXPECT_EQ(render(words).exit_code, 0);
+        return read_png(file(name));
+    };
+    const Image plain = picture("plain.png", {}), lit = picture("lit.png", {"--ssao"}), small = picture("narrow.png", {"--ssao", "0.2"});
+    size_t darker = 0, differ = 0;
+    for (size_t i = 0; i < plain.pixels.size(); ++i) {
+        EXPECT_LE(green_of(lit.pixels[i]), green_of(plain.pixels[i]));
+        darker += green_of(lit.pixels[i]) < green_of(plain.pixels[i]);
+        differ += lit.pixels[i] != small.pixels[i];
+    }
+    EXPECT_GT(darker, plain.pixels.size() / 40);
+    EXPECT_GT(differ, plain.pixels.size() / 40);
+    picture("strips.png", {"--ssao", "--tile", "31", "--threads", "3"});
+    EXPECT_EQ(text_of(file("strips.png")), text_of(file("lit.png")));
+}
+
 TEST_F(Render, StatsAreOneObjectWithTheKeysThatOthersRead) {
     const ProgramResult result = render({"-o", file("stats.png"), "--stats"});
     ASSERT_EQ(result.exit_code, 0) << result.err;
@@ -230,7 +250,7 @@ TEST_F(Render, WrongCommandLinesAreUsageErrors) {
     const std::vector<std::vector<std::string>> wrong = {
         {"--size", "0x10"}, {"--size", "16385x1"}, {"--size", "10"}, {"--view", "above"}, {"--fov", "180"}, {"--fov", "nan"},
         {"--eye", "0,0,nan"}, {"--eye", "1,2,3", "--target", "1,2,3"}, {"--eye", "1,2,3", "--view", "top"}, {"--up", "0,0,1"},
-        {"--color", "smell"}, {"--colormap", "plaid"}, {"--background", "red"}, {"--edl", "-1"}, {"--fill", "0"}, {"--fill", "17"}, {"--fill=wide", "-q"}, {"--edl", "1,2,3"},
+        {"--color", "smell"}, {"--colormap", "plaid"}, {"--background", "red"}, {"--edl", "-1"}, {"--fill", "0"}, {"--ssao", "0"}, {"--ssao=far", "-q"}, {"--fill", "17"}, {"--fill=wide", "-q"}, {"--edl", "1,2,3"},
         {"--point-size", "0"}, {"--splat", "star"}, {"--error", "0"}, {"--budget", "0"}, {"--meters-per-pixel", "1"},
         {"--reference", "a.png", "--threshold", "-1"}, {"--threshold", "1"},
         {"--samples", "0"}, {"--samples", "1025"}, {"--time-budget", "-1"},

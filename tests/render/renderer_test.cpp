@@ -113,6 +113,27 @@ TEST(Renderer, StripsAndThreadsDoNotShowInFilledHoles) {
     EXPECT_LT(filled, holes() - 500);
 }
 
+// Occlusion reaches far, and its pattern turns from row to row of the whole picture.
+TEST(Renderer, StripsAndThreadsDoNotShowInAmbientOcclusion) {
+    TestCloud cloud = hill_cloud();
+    RenderSettings settings = settings_of(cloud);
+    settings.edl.strength = 0.0f;
+    settings.fill.gap_px = FillSettings::kWidestGap;
+    settings.ssao.radius = 8.0f;
+    expect_strips_and_threads_do_not_show(settings, {7, 64});
+
+    const Camera camera = view_of(cloud, "iso", Projection::perspective, 0.8, settings);
+    const Frame lit = render(cloud, camera, settings);
+    settings.ssao.radius = 0.0f;
+    const Frame plain = render(cloud, camera, settings);
+    size_t darker = 0;
+    for (size_t i = 0; i < lit.colors.size(); ++i) {
+        EXPECT_LE(red_of(lit.colors[i]), red_of(plain.colors[i]));
+        darker += red_of(lit.colors[i]) < red_of(plain.colors[i]);
+    }
+    EXPECT_GT(darker, lit.colors.size() / 20);
+}
+
 // Ground scanned in lines three times as far apart as the points on them, seen aslant: no gap, at any distance.
 TEST(Renderer, ScanLinesAreClosed) {
     Random random(11);
