@@ -1,5 +1,7 @@
 #include "core/octree/chunk_store.h"
 
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <cstring>
 
@@ -24,13 +26,14 @@ void ChunkStore::add(uint32_t chunk, std::span<const std::byte> records) {
         std::memcpy(memory_.get() + begin_[chunk] + at, records.data(), records.size());
 }
 
-void ChunkStore::load(uint32_t chunk, std::vector<std::byte>& records) const {
+std::span<std::byte> ChunkStore::load(uint32_t chunk, std::vector<std::byte>& buffer) {
     check_complete(chunk);
-    records.resize(used_[chunk]);
-    if (scratch_)
-        scratch_->read(begin_[chunk], records);
-    else
-        std::memcpy(records.data(), memory_.get() + begin_[chunk], records.size());
+    const uint64_t size = begin_[chunk + 1] - begin_[chunk];
+    if (!scratch_) return {memory_.get() + begin_[chunk], size};
+    if (buffer.size() < size) buffer.resize(size);
+    const std::span<std::byte> records = std::span(buffer).first(size);
+    scratch_->read(begin_[chunk], records);
+    return records;
 }
 
 void ChunkStore::check_complete(uint32_t chunk) const {
@@ -68,7 +71,12 @@ void ChunkStore::change(uint32_t chunk, const std::function<void(std::span<std::
 }
 
 void ChunkStore::discard(uint32_t chunk) {
-    if (scratch_) scratch_->discard(begin_[chunk], begin_[chunk + 1] - begin_[chunk]);
+    if (scratch_) return scratch_->discard(begin_[chunk], begin_[chunk + 1] - begin_[chunk]);
+    // Whole pages within: the nodes that are written now take their place.
+    constexpr uintptr_t kPage = 4096;
+    const uintptr_t memory = reinterpret_cast<uintptr_t>(memory_.get());
+    const uintptr_t first = (memory + begin_[chunk] + kPage - 1) / kPage * kPage, last = (memory + begin_[chunk + 1]) / kPage * kPage;
+    if (first < last) ::madvise(reinterpret_cast<void*>(first), last - first, MADV_DONTNEED);
 }
 
 }  // namespace strata

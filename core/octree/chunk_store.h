@@ -25,13 +25,14 @@ public:
 
     /// Adds records to a chunk. Thread-safe. throws Error{malformed} when there are more than were counted
     void add(uint32_t chunk, std::span<const std::byte> records);
-    /// Reads a whole chunk. throws Error{malformed} when there are fewer than were counted
-    void load(uint32_t chunk, std::vector<std::byte>& records) const;
+    /// A whole chunk, to be changed at will: where it lies in memory, else read into `buffer`.
+    /// throws Error{malformed} when there are fewer records than were counted
+    std::span<std::byte> load(uint32_t chunk, std::vector<std::byte>& buffer);
     /// Calls visit for all records of a chunk, piece after piece. throws as load does
     void visit(uint32_t chunk, const std::function<void(std::span<const std::byte> records)>& visit) const;
     /// The same, to change attributes. Others may visit the chunk meanwhile, if they look at what stays.
     void change(uint32_t chunk, const std::function<void(std::span<std::byte> records)>& change);
-    /// The chunk will not be loaded again.
+    /// Gives the room of a chunk back: it will not be looked at again.
     void discard(uint32_t chunk);
 
     uint64_t size_bytes() const { return begin_.back(); }

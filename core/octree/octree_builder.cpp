@@ -83,15 +83,16 @@ public:
         parallel_workers(threads, [&](int) {
             try {
                 SubtreeBuilder builder(frame_, out_layout.size, sink_);
+                std::vector<std::byte> buffer;
                 for (;;) {
                     const uint32_t rank = take_rank(threads);
                     if (rank >= schedule_.order.size()) return;
                     const uint32_t chunk = schedule_.order[rank];
-                    store_.load(chunk, builder.records());
-                    store_.discard(chunk);
-                    drop_attributes(layout_, attribute_kept, builder.records());
+                    const std::span<const std::byte> records = drop_attributes(layout_, attribute_kept, store_.load(chunk, buffer));
                     if (!wait_for_neighbours(chunk)) return;
-                    finish(chunk, builder.build(partition_.chunks()[chunk].key, seeds_for(chunk), take_buffer()));
+                    Subtree subtree = builder.build(partition_.chunks()[chunk].key, records, seeds_for(chunk), take_buffer());
+                    store_.discard(chunk);
+                    finish(chunk, std::move(subtree));
                     progress_.add(partition_.chunks()[chunk].points);
                 }
             } catch (...) {

@@ -2,7 +2,7 @@
 
 namespace strata {
 
-void drop_attributes(const RecordLayout& layout, const std::vector<bool>& kept, std::vector<std::byte>& records) {
+std::span<std::byte> drop_attributes(const RecordLayout& layout, const std::vector<bool>& kept, std::span<std::byte> records) {
     struct Piece {
         size_t offset, size;
     };
@@ -15,14 +15,14 @@ void drop_attributes(const RecordLayout& layout, const std::vector<bool>& kept, 
         else
             pieces.push_back({layout.offsets[a], size});
     }
-    if (pieces.size() == 1 && pieces[0].size == layout.size) return;
+    if (pieces.size() == 1 && pieces[0].size == layout.size) return records;
     std::byte* to = records.data();
     for (const std::byte* from = records.data(); from != records.data() + records.size(); from += layout.size)
         for (const Piece& piece : pieces) {
             std::memmove(to, from + piece.offset, piece.size);
             to += piece.size;
         }
-    records.resize(size_t(to - records.data()));
+    return records.first(size_t(to - records.data()));
 }
 
 }  // namespace strata

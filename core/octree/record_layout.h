@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <span>
 #include <vector>
 
 #include "core/cloud/attribute.h"
@@ -32,8 +33,8 @@ inline RecordLayout without(const RecordLayout& layout, const std::vector<bool>&
     return RecordLayout(std::move(attributes));
 }
 
-/// Squeezes records of `layout` in place to those of without(layout, kept).
-void drop_attributes(const RecordLayout& layout, const std::vector<bool>& kept, std::vector<std::byte>& records);
+/// Squeezes records of `layout` in place to those of without(layout, kept), and returns these.
+std::span<std::byte> drop_attributes(const RecordLayout& layout, const std::vector<bool>& kept, std::span<std::byte> records);
 
 /// Copies one record. Inline, by overlapping blocks: a call of memcpy costs more than the bytes.
 inline void copy_record(std::byte* to, const std::byte* from, size_t size) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -8,18 +9,24 @@
 
 namespace strata {
 
-/// Levels that one 64-bit code covers below a node.
-inline constexpr uint32_t kCodeLevels = 21;
+/// Finds the one order of records that depends on their content alone: by cell down to level 31, then by bytes.
+/// The records themselves stay where they are. Keeps its buffers; one per thread.
+class RecordSort {
+public:
+    explicit RecordSort(const OctreeFrame& frame) : frame_(frame) {}
 
-/// The octant digits of a point from `level` downwards: the digit of level + 1 is the highest of kCodeLevels triples.
-uint64_t code_below(const OctreeFrame& frame, uint32_t level, const std::byte* record);
+    /// records  [n * record_size], all in the cube of a node of `level`
+    /// returns  [n] indices of records in their order; valid until the next call
+    /// cost     O(n) for scanned data: one pass over all, then radix sorts that stay in the cache; 20 bytes a point
+    std::span<const uint32_t> operator()(uint32_t level, std::span<const std::byte> records, size_t record_size);
 
-/// Brings records into the one order that depends on their content alone: by cell down to level 31, then by bytes.
-/// records  [n * record_size]; replaced by the sorted ones. scratch: resized to the same, its content is lost
-/// codes    receives code_below(level) of each sorted record
-/// level    of the node that holds all the points
-/// cost     O(n) for scanned data: one pass over all, then in-cache radix sorts; 16 bytes a point beside the arguments
-void sort_records(const OctreeFrame& frame, uint32_t level, size_t record_size, std::vector<std::byte>& records,
-                  std::vector<std::byte>& scratch, std::vector<uint64_t>& codes);
+private:
+    uint64_t pack(uint32_t level, std::span<const std::byte> records, size_t record_size);
+    void radix_sort(std::span<uint64_t> words, std::span<uint64_t> other);
+
+    OctreeFrame frame_;
+    std::vector<uint64_t> words_, other_;  // the highest bits that differ of a cell's code, then the record's index
+    std::vector<uint32_t> order_;
+};
 
 }  // namespace strata

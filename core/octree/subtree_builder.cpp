@@ -5,7 +5,6 @@
 #include <iterator>
 
 #include "core/octree/record_layout.h"
-#include "core/octree/record_sort.h"
 
 namespace strata {
 namespace {
@@ -25,18 +24,12 @@ bool touches_faces_of(const NodeKey& key, const NodeKey& ancestor) {
 }  // namespace
 
 SubtreeBuilder::SubtreeBuilder(const OctreeFrame& frame, size_t record_size, const NodeSink& sink)
-    : frame_(frame), record_size_(record_size), sink_(sink), sampler_(frame) {}
+    : frame_(frame), record_size_(record_size), sink_(sink), sampler_(frame), sort_(frame) {}
 
 uint64_t SubtreeBuilder::memory_needed(uint64_t points, size_t record_size) {
-    // Records twice while sorting, once more encoded; two codes, two coded indices of a bucket; candidates and lists.
+    // Records as they came and encoded, words twice and the order of the sort, positions, lists; then what the sampler holds.
     constexpr uint64_t kSamplerBytes = 12'000'000;
-    return kSamplerBytes + points * (3 * record_size + 2 * 8 + 16 + 1 + 2 * 12 + 4 * 4);
-}
-
-uint32_t SubtreeBuilder::digit(uint32_t index, uint32_t depth) const {
-    if (depth < kCodeLevels) return uint32_t(codes_[index] >> 3 * (kCodeLevels - 1 - depth) & 7);
-    const uint64_t deeper = code_below(frame_, root_level_ + kCodeLevels, record(index));
-    return uint32_t(deeper >> 3 * (2 * kCodeLevels - 1 - depth) & 7);
+    return kSamplerBytes + points * (2 * record_size + 2 * 8 + 4 + 12 + 1 + 3 * 4 + NodeSampler::kBytesPerCandidate);
 }
 
 // Decides whether the node is a leaf, and notes the border that it has from above.
@@ -68,22 +61,12 @@ void SubtreeBuilder::add_seeds_of_neighbours(const NodeKey& node, const NodeKey&
     });
 }
 
-// The sampler has its seeds.
+// The sampler has its seeds, among them the points that nodes above keep.
 void SubtreeBuilder::sample(Node& node) {
-    candidate_records_.resize(node.end - node.begin + 1);
-    size_t count = 0;
-    for (uint32_t i = node.begin; i < node.end; ++i) {
-        candidate_records_[count] = i;
-        count += !kept_[i];
-    }
-    candidate_records_.resize(count);
-    for (size_t axis = 0; axis < 3; ++axis) {
-        candidates_[axis].resize(candidate_records_.size());
-        for (size_t i = 0; i < candidate_records_.size(); ++i) candidates_[axis][i] = quanta_[axis][candidate_records_[i]];
-    }
-    sampler_.sample(candidates_[0], candidates_[1], candidates_[2], picked_);
+    const auto candidates = [&](size_t axis) { return std::span<const int32_t>(quanta_[axis]).subspan(node.begin, node.end - node.begin); };
+    sampler_.sample(candidates(0), candidates(1), candidates(2), picked_);
     for (const uint32_t pick : picked_) {
-        const uint32_t i = candidate_records_[pick];
+        const uint32_t i = node.begin + pick;
         kept_[i] = 1;
         node.kept.push_back(i);
         if (const Vec3i p_quanta = position(i); sampler_.near_faces(p_quanta)) node.border.push_back(p_quanta);
@@ -91,8 +74,9 @@ void SubtreeBuilder::sample(Node& node) {
 }
 
 void SubtreeBuilder::read_positions() {
-    for (std::vector<int32_t>& axis : quanta_) axis.resize(codes_.size());
-    for (uint32_t i = 0; i < codes_.size(); ++i) {
+    for (std::vector<int32_t>& axis : quanta_) axis.resize(order_.size());
+    for (uint32_t i = 0; i < order_.size(); ++i) {
+        prefetch_record(i + kAhead);
         const Vec3i p_quanta = record_position(record(i));
         for (int axis = 0; axis < 3; ++axis) quanta_[size_t(axis)][i] = p_quanta[axis];
     }
@@ -109,17 +93,23 @@ void SubtreeBuilder::add_to_border(const Node& node, const NodeKey& root, Subtre
     }
 }
 
-std::vector<SubtreeBuilder::Node> SubtreeBuilder::divide(const Node& node, uint32_t depth) const {
+std::vector<SubtreeBuilder::Node> SubtreeBuilder::divide(const Node& node) const {
     std::vector<uint32_t> kept(node.kept_above.size() + node.kept.size());
     std::merge(node.kept_above.begin(), node.kept_above.end(), node.kept.begin(), node.kept.end(), kept.begin());
+    const uint32_t bit = kMaxLevel - node.key.level - 1;
+    const auto octant_of = [&](uint32_t index) {
+        uint32_t octant = 0;
+        for (int axis = 0; axis < 3; ++axis) octant = octant << 1 | (frame_.cell(axis, quanta_[size_t(axis)][index]) >> bit & 1);
+        return octant;
+    };
     std::vector<Node> children;
     auto kept_begin = kept.begin();
     for (uint32_t begin = node.begin; begin < node.end;) {
-        const uint32_t octant = digit(begin, depth);
+        const uint32_t octant = octant_of(begin);
         uint32_t low = begin + 1, high = node.end;  // the first record of another octant
         while (low < high) {
             const uint32_t middle = low + (high - low) / 2;
-            if (digit(middle, depth) == octant)
+            if (octant_of(middle) == octant)
                 low = middle + 1;
             else
                 high = middle;
@@ -132,10 +122,13 @@ std::vector<SubtreeBuilder::Node> SubtreeBuilder::divide(const Node& node, uint3
     return children;
 }
 
-void SubtreeBuilder::encode(const Node& node, Subtree& subtree) {
-    scratch_.resize(record_size_ * (node.leaf ? node.end - node.begin : node.kept.size()));
-    std::byte* to = scratch_.data();
+// What the node stores: a leaf all that no node above keeps. Valid until the next call.
+std::span<const std::byte> SubtreeBuilder::gather(const Node& node) {
+    const size_t most = record_size_ * (node.leaf ? node.end - node.begin : node.kept.size());
+    if (node_records_.size() < most) node_records_.resize(most);
+    std::byte* to = node_records_.data();
     const auto take = [&](uint32_t index) {
+        prefetch_record(index + kAhead);
         copy_record(to, record(index), record_size_);
         to += record_size_;
     };
@@ -145,7 +138,11 @@ void SubtreeBuilder::encode(const Node& node, Subtree& subtree) {
     } else {
         for (const uint32_t i : node.kept) take(i);
     }
-    const std::span<const std::byte> records(scratch_.data(), to);
+    return {node_records_.data(), to};
+}
+
+void SubtreeBuilder::encode(const Node& node, Subtree& subtree) {
+    const std::span<const std::byte> records = gather(node);
     const uint32_t points = uint32_t(records.size() / record_size_);
     if (points == 0 && node.leaf) return;  // all are kept above: nothing is left to store
     const uint64_t offset = subtree.bytes.size();
@@ -154,16 +151,17 @@ void SubtreeBuilder::encode(const Node& node, Subtree& subtree) {
     subtree.points += points;
 }
 
-Subtree SubtreeBuilder::build(const NodeKey& root, std::span<const BorderPoint> seeds, std::vector<std::byte> buffer) {
-    root_level_ = root.level;
-    sort_records(frame_, root.level, record_size_, records_, scratch_, codes_);
+Subtree SubtreeBuilder::build(const NodeKey& root, std::span<const std::byte> records, std::span<const BorderPoint> seeds,
+                              std::vector<std::byte> buffer) {
+    records_ = records;
+    order_ = sort_(root.level, records, record_size_);
     read_positions();
-    kept_.assign(codes_.size(), 0);
+    kept_.assign(order_.size(), 0);
     Subtree subtree{.root = root};
     subtree.bytes = std::move(buffer);
     subtree.bytes.reserve(records_.size());
     LeafBorders leaf_borders;
-    std::vector<Node> level = {Node{.key = root, .begin = 0, .end = uint32_t(codes_.size())}};
+    std::vector<Node> level = {Node{.key = root, .begin = 0, .end = uint32_t(order_.size())}};
     for (uint32_t depth = 0; !level.empty(); ++depth) {
         for (Node& node : level) prepare(node, root);
         std::vector<Node> below;
@@ -176,17 +174,15 @@ Subtree SubtreeBuilder::build(const NodeKey& root, std::span<const BorderPoint> 
                 for (const BorderPoint& seed : seeds) sampler_.add_seed(seed.p_quanta, seed.level);
             sample(node);
             add_to_border(node, root, subtree);
-            std::vector<Node> children = divide(node, depth);
+            std::vector<Node> children = divide(node);
             std::move(children.begin(), children.end(), std::back_inserter(below));
         }
         for (Node& node : level) {
             if (depth > 0) {
                 encode(node, subtree);
-            } else if (node.leaf) {
-                subtree.root_records = records_;
             } else {
-                for (const uint32_t i : node.kept)
-                    subtree.root_records.insert(subtree.root_records.end(), record(i), record(i) + record_size_);
+                const std::span<const std::byte> of_root = gather(node);
+                subtree.root_records.assign(of_root.begin(), of_root.end());
             }
             if (node.leaf) leaf_borders[node.key] = std::move(node.border);
         }
