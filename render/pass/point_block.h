@@ -70,16 +70,21 @@ inline void project_block(const PointProjection& view, const int32_t* x, const i
     }
 }
 
+/// Adaptive diameter of a splat.
+template <bool perspective>
+inline float splat_size_px(const PointProjection& view, const SplatStyle& style, float spacing, float key) {
+    float size = style.spacing_factor * view.pixels_per_unit * spacing;
+    if constexpr (perspective) size *= key * (1.0f / view.key_scale);
+    return std::min(std::max(size, style.least_px), style.most_px);
+}
+
 /// Adaptive diameters of projected points, and the tilt of the surface around them.
 template <bool perspective>
 inline void shape_block(const PointProjection& view, const SplatStyle& style, const PointShape* shapes, size_t count, PointBlock& out) {
     constexpr float kMostSlope = 4.0f;  // 76 degrees: what is steeper is drawn as steep as this
-    const float px_per_spacing = style.spacing_factor * view.pixels_per_unit, inverse_unit = 1.0f / view.pixels_per_unit;
-    const float inverse_key = 1.0f / view.key_scale;
+    const float inverse_unit = 1.0f / view.pixels_per_unit;
     for (size_t i = 0; i < count; ++i) {
-        float size = px_per_spacing * shapes[i].spacing;
-        if constexpr (perspective) size *= out.key[i] * inverse_key;
-        out.size_px[i] = std::min(std::max(size, style.least_px), style.most_px);
+        out.size_px[i] = splat_size_px<perspective>(view, style, shapes[i].spacing, out.key[i]);
         const float nx = shapes[i].normal[0], ny = shapes[i].normal[1], nz = shapes[i].normal[2];
         const float right = view.right[0] * nx + view.right[1] * ny + view.right[2] * nz;
         const float down = view.down[0] * nx + view.down[1] * ny + view.down[2] * nz;

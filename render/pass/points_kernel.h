@@ -11,7 +11,7 @@ namespace strata {
 
 /// Rows of words that points are drawn into.
 struct WordRows {
-    /// Words behind each row that kernels may read and write back unchanged.
+    /// Words behind each row that kernels may read and write back.
     static constexpr uint32_t kPadding = 4;
 
     uint64_t* words;

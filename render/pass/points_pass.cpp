@@ -64,7 +64,10 @@ void PointsPass::resolve(std::span<const PointNode> nodes, const PointProjection
     out.splat_px.resize(options.splat_px ? pixels : 0);
     out.ids.resize(options.ids ? pixels : 0);
     const bool near = std::all_of(nodes.begin(), nodes.end(), [&](const PointNode& node) { return is_near(*node.points, projection); });
-    const ResolveInput input = {nodes, projection, style, options, near};
+    std::vector<uint32_t> slots;
+    for (uint32_t slot = 0; slot < nodes.size(); ++slot)
+        while (slots.size() * ResolveInput::kSlotRanks < nodes[slot].first_rank + nodes[slot].points->size()) slots.push_back(slot);
+    const ResolveInput input = {nodes, slots, projection, style, options, near};
     const ResolveRow resolve_row = resolve_kernel(level);
     parallel_blocks(threads, rows_, 16, [&](size_t first, size_t last) {
         for (size_t row = first; row < last; ++row)

@@ -9,92 +9,103 @@
 namespace strata {
 namespace {
 
-// The points that a block of pixels shows, gathered from their nodes.
+// Of a block of pixels: the points they show, and of those that lie in a plane the positions, gathered.
 struct Shown {
+    alignas(64) uint32_t slot[kPointBlock], index[kPointBlock];
+    alignas(64) float spacing[kPointBlock], share[kPointBlock];
+
     alignas(64) int32_t x[kPointBlock], y[kPointBlock], z[kPointBlock];
     alignas(64) float column[kPointBlock];
-    alignas(64) float key[kPointBlock];
     PointShape shapes[kPointBlock];
     uint32_t pixel[kPointBlock];  // in the block
-    size_t count;
+    size_t flat;                  // how many
 };
 
-// Slot of the node that a rank belongs to. slot: a guess, since neighbors mostly show the same node
-inline size_t slot_of(std::span<const PointNode> nodes, uint32_t rank, size_t slot) {
-    if (rank >= nodes[slot].first_rank && rank - nodes[slot].first_rank < nodes[slot].points->size()) return slot;
-    const auto after = std::upper_bound(nodes.begin(), nodes.end(), rank, [](uint32_t r, const PointNode& node) { return r < node.first_rank; });
-    // Of slots with the same first rank all but the last are empty, and upper_bound is behind the last.
-    return size_t(after - nodes.begin()) - 1;
+// Nodes and points, from the ranks of the words. Neighbors often show different levels, so a guess would often be wrong.
+inline void find_points(const ResolveInput& in, const uint64_t* words, size_t count, Shown& shown) {
+    const uint32_t last = uint32_t(in.nodes.size()) - 1;
+    for (size_t i = 0; i < count; ++i) {
+        if (words[i] == 0) continue;
+        const uint32_t rank = ~uint32_t(words[i]);
+        uint32_t slot = in.slots[rank / ResolveInput::kSlotRanks];
+        while (slot < last && rank >= in.nodes[slot + 1].first_rank) ++slot;
+        shown.slot[i] = slot;
+        shown.index[i] = rank - in.nodes[slot].first_rank;
+        const ResidentNode& points = *in.nodes[slot].points;
+        __builtin_prefetch(&points.colors[shown.index[i]]);
+        if (in.style.fixed_px <= 0.0f) __builtin_prefetch(&points.shapes[shown.index[i]]);
+    }
 }
 
-// Colors and ids; what sizes and planes are computed from goes to `shown`.
-inline void gather(const ResolveInput& in, const uint64_t* words, size_t count, GBuffer& out, size_t pixel, bool shapes, size_t& slot,
-                   Shown& shown) {
-    shown.count = 0;
+// Colors and ids; spacing where sizes are adaptive, and positions where planes are wanted.
+inline void gather(const ResolveInput& in, const uint64_t* words, size_t count, GBuffer& out, size_t pixel, bool planes, Shown& shown) {
+    shown.flat = 0;
+    const bool adaptive = in.style.fixed_px <= 0.0f;
     for (size_t i = 0; i < count; ++i) {
         if (words[i] == 0) {
             out.colors[pixel + i] = 0;
             if (in.options.ids) out.ids[pixel + i] = kNoPixelId;
+            shown.spacing[i] = shown.share[i] = 0.0f;
             continue;
         }
-        const uint32_t rank = ~uint32_t(words[i]);
-        slot = slot_of(in.nodes, rank, slot);
-        const ResidentNode& points = *in.nodes[slot].points;
-        const uint32_t index = rank - in.nodes[slot].first_rank;
+        const uint32_t index = shown.index[i];
+        const ResidentNode& points = *in.nodes[shown.slot[i]].points;
         out.colors[pixel + i] = points.colors[index];
-        if (in.options.ids) out.ids[pixel + i] = make_pixel_id(uint32_t(slot), index);
-        if (!shapes) continue;
-        shown.x[shown.count] = points.x[index];
-        shown.y[shown.count] = points.y[index];
-        shown.z[shown.count] = points.z[index];
-        shown.shapes[shown.count] = points.shapes[index];
-        shown.key[shown.count] = std::bit_cast<float>(uint32_t(words[i] >> 32));
-        shown.pixel[shown.count++] = uint32_t(i);
+        if (in.options.ids) out.ids[pixel + i] = make_pixel_id(shown.slot[i], index);
+        if (!adaptive) continue;
+        const PointShape& shape = points.shapes[index];
+        const bool flat = (shape.normal[0] | shape.normal[1] | shape.normal[2]) != 0;
+        shown.spacing[i] = shape.spacing;
+        shown.share[i] = flat ? 0.5f : 1.0f;
+        if (!flat || !planes) continue;
+        shown.x[shown.flat] = points.x[index];
+        shown.y[shown.flat] = points.y[index];
+        shown.z[shown.flat] = points.z[index];
+        shown.shapes[shown.flat] = shape;
+        shown.pixel[shown.flat++] = uint32_t(i);
     }
 }
 
 template <bool perspective, bool near>
 inline void resolve_row(const ResolveInput& in, const uint64_t* words, uint32_t row, GBuffer& out, size_t pixel) {
     const PointProjection& view = in.projection;
+    const SplatStyle& style = in.style;
     const float inverse_unit = 1.0f / view.pixels_per_unit, y = float(row) + 0.5f;
-    const bool adaptive = in.style.fixed_px <= 0.0f;
-    const bool planes = adaptive && in.style.shape == SplatShape::paraboloid;
-    const uint8_t fixed_size = uint8_t(std::min(in.style.fixed_px + 0.5f, 255.0f));
+    const bool adaptive = style.fixed_px <= 0.0f;
+    const bool planes = adaptive && style.shape == SplatShape::paraboloid;
+    const uint8_t fixed_size = uint8_t(std::min(style.fixed_px + 0.5f, 255.0f));
     PointBlock block;
     Shown shown;
-    size_t slot = 0;
-    for (size_t begin = 0; begin < out.width; begin += kPointBlock, pixel += kPointBlock) {
+    for (size_t begin = 0; begin < out.width; begin += kPointBlock, pixel += kPointBlock, words += kPointBlock) {
         const size_t count = std::min<size_t>(kPointBlock, out.width - begin);
-        gather(in, words + begin, count, out, pixel, adaptive && (planes || in.options.splat_px), slot, shown);
+        find_points(in, words, count, shown);
+        gather(in, words, count, out, pixel, planes, shown);
         float* const depths = out.depths.data() + pixel;
-        uint8_t* const sizes = in.options.splat_px ? out.splat_px.data() + pixel : nullptr;
         for (size_t i = 0; i < count; ++i) {
-            const float depth = view.linear_depth(std::bit_cast<float>(uint32_t(words[begin + i] >> 32)));
-            depths[i] = words[begin + i] == 0 ? kNoDepth : depth;
+            const float depth = view.linear_depth(std::bit_cast<float>(uint32_t(words[i] >> 32)));
+            depths[i] = words[i] == 0 ? kNoDepth : depth;
         }
-        if (sizes)
-            for (size_t i = 0; i < count; ++i) sizes[i] = words[begin + i] == 0 ? 0 : fixed_size;
-        if (shown.count == 0) continue;
-
-        project_block<perspective, near>(view, shown.x, shown.y, shown.z, shown.count, block);
-        shape_block<perspective>(view, in.style, shown.shapes, shown.count, block);
-        if (planes) {
-            // Depth of the plane that the point stands for. A paraboloid's fall behind it decides what is seen, but is no relief.
-            for (size_t i = 0; i < shown.count; ++i) shown.column[i] = float(begin + shown.pixel[i]) + 0.5f;
-            for (size_t i = 0; i < shown.count; ++i) {
-                const float rise = block.slope_x[i] * (shown.column[i] - block.x_px[i]) + block.slope_y[i] * (y - block.y_px[i]);
-                const float key = std::max(key_on_plane<perspective>(view, block.key[i], rise, inverse_unit), kLeastKey);
-                const bool flat = shown.shapes[i].flat();
-                shown.key[i] = view.linear_depth(flat ? key : shown.key[i]);
-            }
-            for (size_t i = 0; i < shown.count; ++i) depths[shown.pixel[i]] = shown.key[i];
-        }
-        if (sizes)
-            for (size_t i = 0; i < shown.count; ++i) {
+        if (in.options.splat_px) {
+            uint8_t* const sizes = out.splat_px.data() + pixel;
+            for (size_t i = 0; i < count; ++i) {
+                const float key = std::bit_cast<float>(uint32_t(words[i] >> 32));
                 // Flat ones have no rims; steps between them are noise, which half their size evens out.
-                const float size = (shown.shapes[i].flat() ? 0.5f : 1.0f) * block.size_px[i];
-                sizes[shown.pixel[i]] = uint8_t(std::min(size + 0.5f, 255.0f));
+                const float size = shown.share[i] * splat_size_px<perspective>(view, style, shown.spacing[i], key) + 0.5f;
+                const uint8_t rounded = adaptive ? uint8_t(std::min(size, 255.0f)) : fixed_size;
+                sizes[i] = words[i] == 0 ? 0 : rounded;
             }
+        }
+        if (shown.flat == 0) continue;
+
+        // Depth of the plane that the point stands for. A paraboloid's fall behind it decides what is seen, but is no relief.
+        project_block<perspective, near>(view, shown.x, shown.y, shown.z, shown.flat, block);
+        shape_block<perspective>(view, style, shown.shapes, shown.flat, block);
+        for (size_t i = 0; i < shown.flat; ++i) shown.column[i] = float(begin + shown.pixel[i]) + 0.5f;
+        for (size_t i = 0; i < shown.flat; ++i) {
+            const float rise = block.slope_x[i] * (shown.column[i] - block.x_px[i]) + block.slope_y[i] * (y - block.y_px[i]);
+            block.key[i] = view.linear_depth(std::max(key_on_plane<perspective>(view, block.key[i], rise, inverse_unit), kLeastKey));
+        }
+        for (size_t i = 0; i < shown.flat; ++i) depths[shown.pixel[i]] = block.key[i];
     }
 }
 

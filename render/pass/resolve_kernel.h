@@ -10,7 +10,10 @@ namespace strata {
 
 /// What a row of words is made from: as drawn.
 struct ResolveInput {
+    static constexpr uint32_t kSlotRanks = 1024;
+
     std::span<const PointNode> nodes;
+    std::span<const uint32_t> slots;  // slot of every kSlotRanks-th rank
     const PointProjection& projection;
     const SplatStyle& style;
     const ResolveOptions& options;
