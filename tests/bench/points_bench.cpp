@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <cstdlib>
 #include <memory>
 
@@ -13,8 +14,10 @@
 #include "io/format.h"
 #include "render/gl/egl_context.h"
 #include "render/named_view.h"
+#include "render/pass/edl_kernel.h"
+#include "render/pass/edl_pass.h"
 #include "render/pass/points_pass.h"
-#include "render/stream/node_loader.h"
+#include "render/stream/resident_cloud.h"
 #include "render/stream/shape_field.h"
 
 namespace strata {
@@ -26,22 +29,22 @@ constexpr uint32_t kWidth = 1920, kHeight = 1080;
 struct View {
     std::unique_ptr<LayeredCloud> cloud;
     Camera camera;
-    std::vector<NodeId> ids;
-    std::vector<ResidentNode> points;
+    std::unique_ptr<ResidentCloud> resident;
     std::vector<PointNode> nodes;
     uint64_t count = 0;
 
     View(const char* path, double error_px, uint64_t budget) : cloud(open_layered(path)) {
         camera = named_view("iso", Projection::perspective, 0.785398, sample_positions(*cloud), double(kWidth) / kHeight);
         fit_depth_range(camera, cloud->info().bounds);
-        ids = select_nodes(*cloud, camera, kWidth, kHeight, {.error_px = error_px, .point_budget = budget}).nodes;
-        const PointColorizer colors(cloud->info(), find_color_channel(cloud->info(), "lod"), {});
-        LoadFailures failures;
-        points = load_nodes(*cloud, ids, colors, PointFilter(), default_thread_count(), failures);
-        update_shapes(*cloud, ids, points, default_thread_count());
-        for (size_t slot = 0; slot < ids.size(); ++slot) {
-            nodes.push_back({&points[slot], uint32_t(count), 0.0f, float(kHeight)});
-            count += points[slot].size();
+        const SelectionSettings limits = {.error_px = error_px, .point_budget = budget};
+        const int threads = default_thread_count();
+        resident = std::make_unique<ResidentCloud>(*cloud, ResidencySettings{.color = find_color_channel(cloud->info(), "lod"), .threads = threads});
+        const FrameNodes frame = resident->gather(select_nodes(*cloud, camera, kWidth, kHeight, limits), limits, ~uint64_t{0},
+                                                  NodeCache::Clock::time_point::max());
+        update_shapes(*cloud, frame.ids, frame.points, threads);
+        for (const ResidentNode* points : frame.points) {
+            nodes.push_back({points, uint32_t(count), 0.0f, float(kHeight)});
+            count += points->size();
         }
     }
 
@@ -71,10 +74,10 @@ void read_positions(benchmark::State& state) {
     if (v == nullptr) return;
     for (auto _ : state) {
         std::atomic<uint32_t> sum = 0;
-        parallel_blocks(int(state.range(0)), v->points.size(), 1, [&](size_t begin, size_t end) {
+        parallel_blocks(int(state.range(0)), v->nodes.size(), 1, [&](size_t begin, size_t end) {
             uint32_t part = 0;
             for (size_t i = begin; i < end; ++i)
-                for (const auto* column : {&v->points[i].x, &v->points[i].y, &v->points[i].z})
+                for (const auto* column : {&v->nodes[i].points->x, &v->nodes[i].points->y, &v->nodes[i].points->z})
                     for (const int32_t q : *column) part += uint32_t(q);
             sum += part;
         });
@@ -133,6 +136,34 @@ void resolve(benchmark::State& state, bool splat_px) {
 BENCHMARK_CAPTURE(resolve, plain, false)->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(resolve, with_sizes, true)->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
 
+// Eye-dome lighting by the kernel, and by GL with the copies there and back that it takes.
+void edl(benchmark::State& state, bool gl) {
+    const View* const v = view(state, true);
+    if (v == nullptr) return;
+    const int threads = int(state.range(0));
+    const PointProjection projection = v->projection();
+    PointsPass points;
+    points.clear(kWidth, 0, kHeight, threads);
+    points.draw(v->nodes, projection, {}, threads);
+    GBuffer picture;
+    points.resolve(v->nodes, projection, {}, {.splat_px = true}, threads, picture);
+    std::vector<Rgba8> expected(picture.colors.size()), shaded(picture.colors.size());
+    shade_edl(picture, {}, v->camera, kHeight, 0, kHeight, 1, expected, SimdLevel::baseline);
+    if (gl) {
+        const EglContext context(threads);
+        EdlPass pass(context);
+        pass.shade(picture, {}, v->camera, kHeight, 0, kHeight, shaded);  // compiles
+        for (auto _ : state) pass.shade(picture, {}, v->camera, kHeight, 0, kHeight, shaded);
+    } else {
+        for (auto _ : state) shade_edl(picture, {}, v->camera, kHeight, 0, kHeight, threads, shaded);
+    }
+    for (size_t i = 0; i < shaded.size(); ++i)
+        for (const auto channel : {red_of, green_of, blue_of, alpha_of})
+            if (std::abs(channel(shaded[i]) - channel(expected[i])) > int(gl)) return state.SkipWithError("other shades");
+}
+BENCHMARK_CAPTURE(edl, kernel, false)->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(edl, gl, true)->ArgName("threads")->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
+
 const int kRegistered = [] {
     const SplatStyle pixel = {.shape = SplatShape::square, .fixed_px = 1.0f}, disc = {.shape = SplatShape::disc, .fixed_px = 3.0f};
     for (const SimdLevel level : {SimdLevel::baseline, SimdLevel::avx2, SimdLevel::avx512}) {
@@ -150,10 +181,10 @@ public:
     explicit GlPoints(const View& view) : context_(default_thread_count()), count_(view.count) {
         const Quantization& quantization = view.cloud->info().quantization;
         std::vector<float> xyz;
-        for (const ResidentNode& node : view.points)
-            for (size_t i = 0; i < node.size(); ++i) {
-                const Vec3d p = view.camera.view_from_world *
-                                (quantization.world_from_quanta({node.x[i], node.y[i], node.z[i]}) - view.camera.eye);
+        for (const PointNode& node : view.nodes)
+            for (size_t i = 0; i < node.points->size(); ++i) {
+                const Vec3i quanta(node.points->x[i], node.points->y[i], node.points->z[i]);
+                const Vec3d p = view.camera.view_from_world * (quantization.world_from_quanta(quanta) - view.camera.eye);
                 for (int axis = 0; axis < 3; ++axis) xyz.push_back(float(p[axis]));
             }
         glCreateBuffers(1, &buffer_);
