@@ -17,6 +17,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// At most, in one call. The kernel lays page caches out by the size of calls: for large ones it looks for untouched blocks
+// of 2 MiB, which a virtual machine may have to ask of its host; smaller ones get pages that were in use a moment ago.
+constexpr size_t kWriteBytes = 128 * 1024;
+
 Error exists_error(const std::string& path) {
     return Error(ErrorKind::io, path + ": exists; --overwrite replaces it");
 }
@@ -83,7 +87,7 @@ void OutputFile::fail(const std::string& what, int error_number) const {
 void OutputFile::write_at(uint64_t offset, std::span<const std::byte> bytes) {
     const uint64_t end = offset + bytes.size();
     while (!bytes.empty()) {
-        const ssize_t count = ::pwrite(temporary_->descriptor(), bytes.data(), bytes.size(), off_t(offset));
+        const ssize_t count = ::pwrite(temporary_->descriptor(), bytes.data(), std::min(bytes.size(), kWriteBytes), off_t(offset));
         if (count < 0 && errno == EINTR) continue;
         if (count <= 0)
             fail("byte " + std::to_string(offset) + ": writing " + std::to_string(bytes.size()) + " bytes", count < 0 ? errno : EIO);
