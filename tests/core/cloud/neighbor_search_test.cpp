@@ -65,7 +65,7 @@ std::vector<Vec3i> random_points(size_t n, uint64_t seed, const Vec3d& size, con
     Random random(seed);
     std::vector<Vec3i> points(n);
     for (Vec3i& p : points)
-        for (int axis = 0; axis < 3; ++axis) p[axis] = corner[axis] + int32_t(random.uniform(0.0, size[axis]));
+        for (int axis = 0; axis < 3; ++axis) p[axis] = int32_t(corner[axis] + int64_t(random.uniform(0.0, size[axis])));
     return points;
 }
 
