@@ -7,6 +7,8 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "core/math/morton.h"
+
 namespace strata {
 namespace {
 
@@ -28,29 +30,20 @@ constexpr float kPlaneOverlap = 1.5f;
 constexpr float kBushOverlap = 1.0f;
 constexpr float kRegular = 1.35f;  // measured below this times the sampling rule's spacing, points are as even as the rule makes them
 
-// Bits 0, 3, 6, ... of the result are the bits of `cell`.
-uint32_t spread(uint32_t cell) {
-    uint32_t code = 0;
-    for (uint32_t bit = 0; bit < kFineBits; ++bit) code |= (cell >> bit & 1) << 3 * bit;
-    return code;
-}
-
 // Which fine cells hold points, in Morton order: a coarser cell is a run of 8^n bits.
 class Occupancy {
 public:
-    Occupancy() : words_(size_t(kFine) * kFine * kFine / 64, 0) {
-        for (uint32_t cell = 0; cell < kFine; ++cell) spread_[cell] = spread(cell);
-    }
+    Occupancy() : words_(size_t(kFine) * kFine * kFine / 64, 0) {}
 
     void mark(const std::array<int, 3>& cell) {
-        const uint32_t code = spread_[size_t(cell[0])] << 2 | spread_[size_t(cell[1])] << 1 | spread_[size_t(cell[2])];
+        const uint64_t code = octant_code(uint32_t(cell[0]), uint32_t(cell[1]), uint32_t(cell[2]));
         words_[code / 64] |= uint64_t{1} << code % 64;
     }
 
     /// Occupied cells of each scale in one cell of the answer.
     std::array<float, kScales> count(int x, int y, int z) const {
         constexpr uint32_t kWords = 64;  // 16^3 fine cells
-        const uint32_t code = spread_[size_t(x)] << 2 | spread_[size_t(y)] << 1 | spread_[size_t(z)];
+        const uint64_t code = octant_code(uint32_t(x), uint32_t(y), uint32_t(z));
         const uint64_t* fine = words_.data() + size_t(code) * kWords;
         uint32_t counts[kScales] = {};
         uint64_t second[kWords / 8] = {};
@@ -84,7 +77,6 @@ private:
     }
 
     std::vector<uint64_t> words_;
-    std::array<uint32_t, kFine> spread_;
 };
 
 using Counts = std::array<std::array<float, kScales>, kCells>;
