@@ -177,6 +177,13 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     RenderReport report;
     Stopwatch watch(report);
 
+    const ResidencySettings residency = {settings.color, settings.colormap, settings.range, settings.filter, settings.threads};
+    if (!resident_ || !resident_->is_for(cloud, residency)) {
+        resident_.reset();  // its memory first
+        resident_ = std::make_unique<ResidentCloud>(cloud, residency);
+    }
+    watch.lap("load");
+
     const uint32_t strip_rows = choose_strip_rows(settings);
     const int edl_reach = edl_reach_px(settings), fill_reach = settings.fill.reach_px(), ssao_reach = settings.ssao.reach_px();
     // Each pass needs the finished rows that the next one looks at.
@@ -191,15 +198,13 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     selection_settings.point_bytes = kResidentPointBytes + (filtered ? kResidentFilterBytes + kCutPointBytes : 0);
     selection_settings.cut_point_bytes = filtered ? 0 : kCutPointBytes;
     selection_settings.clip = &clip;
+    selection_settings.load_pages = settings.wait;
+    if (!settings.wait) resident_->add_pages(cloud);
     const Selection selection = settings.filter.nothing() ? Selection()
                                                           : select_nodes(cloud, camera, settings.width, settings.height, selection_settings);
+    resident_->want_pages(selection);
     watch.lap("select");
 
-    const ResidencySettings residency = {settings.color, settings.colormap, settings.range, settings.filter, settings.threads};
-    if (!resident_ || !resident_->is_for(cloud, residency)) {
-        resident_.reset();  // its memory first
-        resident_ = std::make_unique<ResidentCloud>(cloud, residency);
-    }
     frames_at_rest_ = last_camera_ == camera ? std::min(frames_at_rest_ + 1, 30u) : 0;
     last_camera_ = camera;
     const double budget_ms = settings.time_budget_ms * double(1u << frames_at_rest_);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 
 #include "core/cloud/point_source.h"
@@ -30,6 +31,11 @@ struct LayeredNode {
     bool children_pending = false;  // children exist but are not loaded yet: call load_children
 };
 
+/// A part of a hierarchy that was read and is not part of the cloud yet. Each format has its own.
+struct HierarchyPage {
+    virtual ~HierarchyPage() = default;
+};
+
 /// What every level-of-detail format looks like to the renderer: Potree today; COPC, 3D Tiles, HTTP later.
 /// Nodes are known from the hierarchy; points are read a node at a time, from any thread.
 class LayeredCloud {
@@ -40,13 +46,24 @@ public:
     virtual Refinement refinement() const { return Refinement::add; }
     virtual NodeId root() const { return 0; }
     virtual size_t node_count() const = 0;  // loaded so far
-    /// The reference lasts until the next load_children.
+    /// The reference lasts until the next add_page or load_children.
     virtual const LayeredNode& node(NodeId id) const = 0;
-    /// Loads the part of the hierarchy below a node whose children are pending. From the thread that asks for nodes, while
-    /// others may be in read_node.
-    virtual void load_children(NodeId) {}
 
-    /// Reads and decodes the points of one node. Safe to call from several threads at once, and during load_children.
+    /// Reads the part of the hierarchy below a node whose children are pending. Safe to call from several threads
+    /// at once, and during add_page.
+    /// returns  null where no children are pending
+    /// throws   Error{malformed, io}, naming the file and the node
+    virtual std::unique_ptr<HierarchyPage> read_page(NodeId) const { return nullptr; }
+    /// Makes a page that read_page gave for this node part of the cloud, or throws and changes nothing; does nothing where no
+    /// children are pending any more. From the thread that asks for nodes, while others may be in read_page and read_node.
+    /// throws  Error{malformed, limit}
+    virtual void add_page(NodeId, const HierarchyPage&) {}
+    /// Both at once.
+    void load_children(NodeId id) {
+        if (node(id).children_pending) add_page(id, *read_page(id));
+    }
+
+    /// Reads and decodes the points of one node. Safe to call from several threads at once, and during add_page.
     /// wanted  indices into info().attributes; positions (quanta of info().quantization) always come
     /// throws  Error{malformed, io}, naming the file, the node and the place
     virtual void read_node(NodeId id, std::span<const int> wanted, PointBatch& out) const = 0;

@@ -11,7 +11,7 @@ public:
     /// Loads the whole hierarchy.
     explicit LayeredPoints(LayeredCloud& cloud) : cloud_(cloud) {
         for (size_t id = 0; id < cloud.node_count(); ++id)
-            if (cloud.node(NodeId(id)).children_pending) cloud.load_children(NodeId(id));
+            cloud.load_children(NodeId(id));
     }
 
     const CloudInfo& info() const override { return cloud_.info(); }

@@ -42,7 +42,7 @@ void check_children(const LayeredCloud& cloud, NodeId id) {
 /// Loads every pending part; nodes are appended, so one pass over growing ids meets all.
 void load_hierarchy(LayeredCloud& cloud) {
     for (size_t id = 0; id < cloud.node_count(); ++id) {
-        if (cloud.node(NodeId(id)).children_pending) cloud.load_children(NodeId(id));
+        cloud.load_children(NodeId(id));
         check_children(cloud, NodeId(id));
     }
 }

@@ -83,7 +83,12 @@ Selection select_nodes(LayeredCloud& cloud, const Camera& camera, uint32_t width
             selection.error_px = std::max(selection.error_px, own_error_px);
             continue;
         }
-        if (cloud.node(next.id).children_pending) cloud.load_children(next.id);
+        if (chosen.children_pending && !settings.load_pages) {
+            selection.error_px = std::max(selection.error_px, own_error_px);
+            selection.pending.push_back(next.id);
+            continue;
+        }
+        cloud.load_children(next.id);
         const LayeredNode& node = cloud.node(next.id);
         for (NodeId child = node.first_child; child < node.first_child + node.child_count; ++child) {
             const LayeredNode& child_node = cloud.node(child);

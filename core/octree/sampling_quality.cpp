@@ -221,7 +221,7 @@ private:
 
 std::vector<LevelSampling> measure_sampling(LayeredCloud& cloud, const SamplingSettings& settings) {
     for (size_t id = 0; id < cloud.node_count(); ++id)
-        if (cloud.node(NodeId(id)).children_pending) cloud.load_children(NodeId(id));
+        cloud.load_children(NodeId(id));
     std::vector<LevelSampling> levels;
     if (cloud.node_count() == 0) return levels;
     SamplingMeter meter(cloud, settings);

@@ -22,6 +22,11 @@ struct ChunkRange {
     uint64_t offset = 0, size = 0;
 };
 
+struct PotreePage : HierarchyPage {
+    std::vector<ChunkNode> chunk;
+    std::vector<HierarchyRecord> proxied;  // the real records of the chunk's proxies, in their order
+};
+
 class PotreeCloud : public LayeredCloud {
 public:
     PotreeCloud(std::unique_ptr<ByteSource> metadata, std::unique_ptr<ByteSource> hierarchy,
@@ -29,23 +34,35 @@ public:
         : hierarchy_(std::move(hierarchy)), octree_(std::move(octree)) {
         read_metadata(*metadata);
         const ChunkRange first{0, metadata_.first_chunk_bytes};
+        check_range(first, NodeKey());
         claim_chunk(first, NodeKey());
-        const std::vector<ChunkNode> chunk = read_chunk(first, NodeKey());
-        LayeredNode root = layered_node(NodeKey(), chunk.front().record);
+        const PotreePage page = read_chunk(first, NodeKey());
+        LayeredNode root = layered_node(NodeKey(), page.chunk.front().record);
         points_listed_ = root.points;
         nodes_.push_back(root);
         pending_.emplace(0, first);
-        adopt_chunk(0, chunk);
+        adopt_chunk(0, page);
     }
 
     const CloudInfo& info() const override { return info_; }
     size_t node_count() const override { return nodes_.size(); }
     const LayeredNode& node(NodeId id) const override { return nodes_[id]; }
 
-    void load_children(NodeId id) override {
-        const auto found = pending_.find(id);
-        if (found == pending_.end()) return;
-        adopt_chunk(id, read_chunk(found->second, nodes_[id].key));
+    std::unique_ptr<HierarchyPage> read_page(NodeId id) const override {
+        ChunkRange range;
+        NodeKey key;
+        {
+            const std::shared_lock lock(nodes_mutex_);
+            const auto found = pending_.find(id);
+            if (found == pending_.end()) return nullptr;
+            range = found->second;
+            key = nodes_[id].key;
+        }
+        return std::make_unique<PotreePage>(read_chunk(range, key));
+    }
+
+    void add_page(NodeId id, const HierarchyPage& page) override {
+        if (pending_.contains(id)) adopt_chunk(id, static_cast<const PotreePage&>(page));
     }
 
     void read_node(NodeId id, std::span<const int> wanted, PointBatch& out) const override {
@@ -90,9 +107,7 @@ private:
         return {ErrorKind::malformed, hierarchy_->name() + ": node " + node_name(key) + ": " + message};
     }
 
-    /// A chunk belongs to one proxy, and no byte to two chunks: so the hierarchy has no cycle and is never larger than
-    /// its file.
-    void claim_chunk(const ChunkRange& range, const NodeKey& key) {
+    void check_range(const ChunkRange& range, const NodeKey& key) const {
         const uint64_t file_bytes = hierarchy_->size();
         if (range.offset > file_bytes || range.size > file_bytes - range.offset)
             throw at_node(key, "its chunk of " + std::to_string(range.size) + " bytes at " + std::to_string(range.offset) +
@@ -100,6 +115,11 @@ private:
         if (range.size < kHierarchyRecordBytes || range.size > kMostChunkBytes || range.size % kHierarchyRecordBytes != 0)
             throw at_node(key, "a chunk of 22-byte records, at most 16 MiB, is expected, " + std::to_string(range.size) +
                                    " bytes found");
+    }
+
+    /// A chunk belongs to one proxy, and no byte to two chunks: so the hierarchy has no cycle and is never larger than
+    /// its file.
+    void claim_chunk(const ChunkRange& range, const NodeKey& key) {
         const auto next = claimed_.lower_bound(range.offset);
         const bool overlaps = (next != claimed_.end() && next->first < range.offset + range.size) ||
                               (next != claimed_.begin() && std::prev(next)->second > range.offset);
@@ -107,17 +127,19 @@ private:
         claimed_.emplace_hint(next, range.offset, range.offset + range.size);
     }
 
-    std::vector<ChunkNode> read_chunk(const ChunkRange& range, const NodeKey& root) const {
+    PotreePage read_chunk(const ChunkRange& range, const NodeKey& root) const {
         std::vector<std::byte> bytes(static_cast<size_t>(range.size));
         hierarchy_->read(range.offset, bytes);
+        PotreePage page;
         try {
-            std::vector<ChunkNode> chunk = parse_hierarchy_chunk(bytes, root);
-            if (chunk.front().record.type == PotreeNodeType::proxy)
+            page.chunk = parse_hierarchy_chunk(bytes, root);
+            if (page.chunk.front().record.type == PotreeNodeType::proxy)
                 throw Error(ErrorKind::malformed, "node " + node_name(root) + ": a chunk that begins with a proxy");
-            return chunk;
         } catch (const Error& error) {
             throw error.within(hierarchy_->name());
         }
+        page.proxied = read_proxied(proxies_of(page.chunk));
+        return page;
     }
 
     /// A node as its real record describes it, without place among its relatives.
@@ -145,11 +167,21 @@ private:
         return node;
     }
 
+    static std::vector<ChunkNode> proxies_of(const std::vector<ChunkNode>& chunk) {
+        std::vector<ChunkNode> proxies;
+        for (const ChunkNode& entry : chunk)
+            if (entry.record.type == PotreeNodeType::proxy) proxies.push_back(entry);
+        return proxies;
+    }
+
     /// The real records of the nodes that a chunk's proxies stand for: the first of each one's own chunk.
     std::vector<HierarchyRecord> read_proxied(std::span<const ChunkNode> proxies) const {
         std::vector<std::array<std::byte, kHierarchyRecordBytes>> bytes(proxies.size());
         std::vector<ByteRange> ranges;
-        for (size_t i = 0; i < proxies.size(); ++i) ranges.push_back({proxies[i].record.byte_offset, bytes[i]});
+        for (size_t i = 0; i < proxies.size(); ++i) {
+            check_range({proxies[i].record.byte_offset, proxies[i].record.byte_size}, proxies[i].key);
+            ranges.push_back({proxies[i].record.byte_offset, bytes[i]});
+        }
         hierarchy_->read_many(ranges);
         std::vector<HierarchyRecord> records;
         for (size_t i = 0; i < proxies.size(); ++i) {
@@ -160,30 +192,26 @@ private:
                 throw at_node(key, error.what());
             }
             if (records.back().type == PotreeNodeType::proxy) throw at_node(key, "a chunk that begins with a proxy");
-            if (records.back().child_mask == 0 && proxies[i].record.byte_size != kHierarchyRecordBytes)
-                throw at_node(key, "its chunk holds more than a node without children");
         }
         return records;
     }
 
     /// Adds the nodes of a chunk below `root_id`, or throws and changes nothing.
-    void adopt_chunk(NodeId root_id, const std::vector<ChunkNode>& chunk) {
-        std::vector<ChunkNode> proxies;
-        for (const ChunkNode& entry : chunk)
-            if (entry.record.type == PotreeNodeType::proxy) proxies.push_back(entry);
+    void adopt_chunk(NodeId root_id, const PotreePage& page) {
+        const std::vector<ChunkNode> proxies = proxies_of(page.chunk);
         size_t claims = 0;
         try {
             for (; claims < proxies.size(); ++claims)
                 claim_chunk({proxies[claims].record.byte_offset, proxies[claims].record.byte_size}, proxies[claims].key);
-            add_nodes(root_id, chunk, read_proxied(proxies));
+            add_nodes(root_id, page);
         } catch (...) {
             while (claims > 0) claimed_.erase(proxies[--claims].record.byte_offset);
             throw;
         }
     }
 
-    /// proxied  the real records of the chunk's proxies, in their order
-    void add_nodes(NodeId root_id, const std::vector<ChunkNode>& chunk, std::span<const HierarchyRecord> proxied) {
+    void add_nodes(NodeId root_id, const PotreePage& page) {
+        const std::vector<ChunkNode>& chunk = page.chunk;
         // The chunk's root is a node already; its other records follow the nodes known so far.
         const size_t first_id = nodes_.size() - 1;
         if (first_id + chunk.size() >= kNoNode) throw at_node(chunk.front().key, "more nodes than can be numbered");
@@ -194,7 +222,9 @@ private:
         uint64_t points_listed = points_listed_;
         for (const ChunkNode& entry : chunk) {
             const bool is_proxy = entry.record.type == PotreeNodeType::proxy;
-            const HierarchyRecord& record = is_proxy ? proxied[proxies_met++] : entry.record;
+            const HierarchyRecord& record = is_proxy ? page.proxied[proxies_met++] : entry.record;
+            if (is_proxy && record.child_mask == 0 && entry.record.byte_size != kHierarchyRecordBytes)
+                throw at_node(entry.key, "its chunk holds more than a node without children");
             LayeredNode node = layered_node(entry.key, record);
             if (is_proxy && record.child_mask != 0) {
                 node.children_pending = true;

@@ -45,7 +45,8 @@ ResidentCloud::ResidentCloud(const LayeredCloud& cloud, const ResidencySettings&
       wanted_attributes_(colors_.wanted().begin(), colors_.wanted().end()),
       cache_(settings.threads, [this](const NodeRequest& request) {
           return load_node(cloud_, request, wanted_attributes_, colors_, settings_.filter);
-      }) {
+      }),
+      pages_(cloud) {
     for (const int attribute : settings_.filter.wanted())
         if (std::find(wanted_attributes_.begin(), wanted_attributes_.end(), attribute) == wanted_attributes_.end())
             wanted_attributes_.push_back(attribute);
@@ -103,12 +104,18 @@ FrameNodes ResidentCloud::gather(const Selection& selection, const SelectionSett
         sorted.missing_error_px = frame.missing_error_px;
         frame = std::move(sorted);
     }
+    for (const NodeId id : selection.pending) {
+        if (pages_.has_failed(id)) continue;
+        ++frame.missing;
+        frame.missing_error_px = std::max(frame.missing_error_px, selection.error_px);
+    }
     drawn_ = frame.ids;
     return frame;
 }
 
 LoadFailures ResidentCloud::take_failures() {
-    const std::vector<LoadFailure> failures = cache_.take_failures();
+    std::vector<LoadFailure> failures = cache_.take_failures();
+    for (LoadFailure& failure : pages_.take_failures()) failures.push_back(std::move(failure));
     if (failures.empty()) return {};
     return {failures.size(), failures.front().message};
 }

@@ -8,6 +8,7 @@
 #include "core/octree/node_selection.h"
 #include "render/point_color.h"
 #include "render/stream/node_cache.h"
+#include "render/stream/page_loader.h"
 
 namespace strata {
 
@@ -33,7 +34,7 @@ struct FrameNodes {
     std::vector<NodeId> ids;            // ascending by key, parents with their children
     std::vector<ResidentNode*> points;  // [ids] the cache's, until the next frame
     std::vector<double> errors_px;      // [ids]
-    uint64_t missing = 0;               // nodes of the selection that are still to come
+    uint64_t missing = 0;               // nodes of the selection, and pages below it, that are still to come
     double missing_error_px = 0.0;      // what that costs
 
     /// Leaves out the least wanted nodes that the points are too many by; never the root.
@@ -49,6 +50,11 @@ public:
     bool is_for(const LayeredCloud& cloud, const ResidencySettings& settings) const {
         return &cloud == &cloud_ && settings == settings_;
     }
+
+    /// For frames that do not wait: adds what has arrived of the hierarchy to the cloud, before a selection, and begins to read
+    /// what that selection found missing.
+    void add_pages(LayeredCloud& cloud) { pages_.add_arrived(cloud); }
+    void want_pages(const Selection& selection) { pages_.want(selection.pending); }
 
     /// Waits for the nodes of the selection until the deadline, and takes what is here. As long as some are missing, the nodes
     /// of the frame before stay where the budget has room for them. The first frame waits for the root in any case.
@@ -66,6 +72,7 @@ private:
     std::vector<int> wanted_attributes_;
     std::vector<NodeId> drawn_;  // by the last frame
     NodeCache cache_;
+    PageLoader pages_;
 };
 
 }  // namespace strata

@@ -22,7 +22,8 @@ public:
     const CloudInfo& info() const override { return cloud_info; }
     size_t node_count() const override { return nodes.size(); }
     const LayeredNode& node(NodeId id) const override { return nodes[id].node; }
-    void load_children(NodeId id) override {
+    std::unique_ptr<HierarchyPage> read_page(NodeId) const override { return std::make_unique<HierarchyPage>(); }
+    void add_page(NodeId id, const HierarchyPage&) override {
         nodes[id].node.children_pending = false;
         ++loads;
     }

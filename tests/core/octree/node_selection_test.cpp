@@ -87,6 +87,23 @@ TEST(NodeSelection, LoadsHierarchyOnlyWhereItGoes) {
     EXPECT_EQ(cloud.loads, 1u);  // 2 px at the root, 1 px at its children
 }
 
+// Without leave to load pages the view ends above them, and says where and how far off that is.
+TEST(NodeSelection, NamesThePagesItMayNotLoad) {
+    TestCloud cloud = full_octree(128, 4, 10);
+    for (TestCloud::Node& entry : cloud.nodes) entry.node.children_pending = entry.node.key.level == 1 && entry.node.child_count > 0;
+    const SelectionSettings settings = {.error_px = 0.3, .load_pages = false};
+    const Selection selection = select_nodes(cloud, top_camera(kSize, 2), kSize, kSize, settings);  // 2 px at the root
+    EXPECT_EQ(cloud.loads, 0u);
+    std::vector<NodeId> first_level;
+    for (const NodeId id : selection.nodes)
+        if (cloud.node(id).key.level == 1) first_level.push_back(id);
+    EXPECT_GT(first_level.size(), 0u);
+    EXPECT_EQ(selection.nodes.size(), 1 + first_level.size());
+    EXPECT_EQ(selection.pending, first_level);  // of one error: in the order of their keys
+    EXPECT_DOUBLE_EQ(selection.error_px, 1.0);
+    EXPECT_EQ(selection.bound_by, BoundBy::error);
+}
+
 // Nodes that a clip box leaves nothing of are not drawn, not counted and not looked below; all else is as without it.
 TEST(NodeSelection, LeavesOutWhatIsCutAway) {
     TestCloud cloud = full_octree(128, 4, 10);

@@ -68,7 +68,7 @@ std::map<std::string, std::vector<PotreePoint>> read_all(LayeredCloud& cloud) {
     PotreeFiles files;
     PointBatch batch;
     for (NodeId id = 0; id < cloud.node_count(); ++id) {
-        if (cloud.node(id).children_pending) cloud.load_children(id);
+        cloud.load_children(id);
         cloud.read_node(id, kWanted, batch);
         std::vector<PotreePoint>& points = nodes[node_name(cloud.node(id).key)];
         for (size_t i = 0; i < batch.size; ++i) {
@@ -423,7 +423,7 @@ TEST(PotreeCloud, NodesAreReadWhileTheHierarchyGrows) {
             }
         });
     for (NodeId id = 0; id < cloud->node_count(); ++id)
-        if (cloud->node(id).children_pending) cloud->load_children(id);
+        cloud->load_children(id);
     done = true;
     readers.clear();
     EXPECT_EQ(cloud->node_count(), 9u);

@@ -37,19 +37,43 @@ public:
     std::atomic<bool> held = false;
     NodeId failing = kNoNode;
 
-private:
+protected:
     std::unique_ptr<LayeredCloud> cloud_;
 };
 
+// The same with the children of every node on a page of their own.
+class PagedCloud : public HeldCloud {
+public:
+    explicit PagedCloud(std::unique_ptr<LayeredCloud> cloud) : HeldCloud(std::move(cloud)), nodes_(cloud_->node_count()) {
+        for (NodeId id = 0; id < nodes_.size(); ++id) {
+            nodes_[id] = cloud_->node(id);
+            nodes_[id].children_pending = nodes_[id].child_count > 0;
+        }
+    }
+
+    const LayeredNode& node(NodeId id) const override { return nodes_[id]; }
+    std::unique_ptr<HierarchyPage> read_page(NodeId id) const override {
+        held.wait(true);
+        if (id == failing_page) throw Error(ErrorKind::io, "page " + std::to_string(id) + " is gone");
+        return std::make_unique<HierarchyPage>();
+    }
+    void add_page(NodeId id, const HierarchyPage&) override { nodes_[id].children_pending = false; }
+
+    NodeId failing_page = kNoNode;
+
+private:
+    std::vector<LayeredNode> nodes_;
+};
+
 // Rolling ground, 200 by 200 m, 150,000 points.
-HeldCloud hills() {
+std::unique_ptr<LayeredCloud> hills() {
     Random random(3);
     std::vector<Vec3i> quanta;
     for (int i = 0; i < 150'000; ++i) {
         const double x = random.uniform(0, 200), y = random.uniform(0, 200);
         quanta.emplace_back(int(1000 * x), int(1000 * y), int(5000 * std::sin(x / 20) * std::cos(y / 15)));
     }
-    return HeldCloud(build_memory_cloud(MemorySource(std::move(quanta)), {}));
+    return build_memory_cloud(MemorySource(std::move(quanta)), {});
 }
 
 RenderSettings settings_of(const LayeredCloud& cloud) {
@@ -108,7 +132,7 @@ uint64_t strip_bytes(const RenderSettings& settings) { return uint64_t{settings.
 
 // Bit for bit, at any cap; the cap binds selection, never the cache's past.
 TEST(ResidentCloud, WarmFramesAreColdFrames) {
-    HeldCloud cloud = hills();
+    HeldCloud cloud(hills());
     RenderSettings settings = settings_of(cloud);
     settings.tile_rows = settings.height;
     for (const uint64_t room : {uint64_t{600'000}, uint64_t{1} << 30}) {
@@ -128,7 +152,7 @@ TEST(ResidentCloud, WarmFramesAreColdFrames) {
 }
 
 TEST(ResidentCloud, AWarmFrameReadsNothing) {
-    HeldCloud cloud = hills();
+    HeldCloud cloud(hills());
     RenderSettings settings = settings_of(cloud);
     const Camera camera = flight(cloud, 1)[0];
     Renderer renderer;
@@ -154,7 +178,7 @@ TEST(ResidentCloud, AWarmFrameReadsNothing) {
 // Frames that do not wait always show something, stay under the cap, and come to the picture of one that waits as soon as
 // the camera rests.
 TEST(ResidentCloud, FramesThatDoNotWaitArriveAtThePicture) {
-    HeldCloud cloud = hills();
+    HeldCloud cloud(hills());
     RenderSettings settings = settings_of(cloud);
     settings.tile_rows = settings.height;
     constexpr uint64_t kRoom = 900'000;
@@ -179,7 +203,7 @@ TEST(ResidentCloud, FramesThatDoNotWaitArriveAtThePicture) {
 // While the disk gives nothing: the first frame had to have the root; after that the frames go on with what is there, and
 // what the last one drew stays.
 TEST(ResidentCloud, WithoutTheDiskTheLastNodesStay) {
-    HeldCloud cloud = hills();
+    HeldCloud cloud(hills());
     RenderSettings settings = settings_of(cloud);
     const Camera near = camera_at(cloud, 30, 30, 12, 0.8), aside = camera_at(cloud, 30, 30, 12, 1.5);
     Renderer renderer;
@@ -196,8 +220,51 @@ TEST(ResidentCloud, WithoutTheDiskTheLastNodesStay) {
     cloud.hold(false);
 }
 
+// Frames that do not wait do so for no page of the hierarchy either, and arrive at the whole picture.
+TEST(ResidentCloud, PagesOfTheHierarchyComeLater) {
+    PagedCloud cloud(hills());
+    RenderSettings settings = settings_of(cloud);
+    const Camera camera = camera_at(cloud, 30, 30, 12, 0.8);
+    settings.wait = false;
+    Renderer renderer;
+    Frame frame = render(renderer, cloud, camera, settings);  // waits for the root alone
+    EXPECT_GT(frame.report.nodes_missing, 0u);
+    EXPECT_EQ(frame.report.nodes_drawn, 1u);
+    EXPECT_EQ(frame.report.bound_by, BoundBy::time);
+    cloud.hold(true);  // whatever is being read now ends at most one level lower
+    for (int i = 0; i < 3; ++i) {
+        frame = render(renderer, cloud, camera, settings);
+        EXPECT_GT(frame.report.nodes_missing, 0u);
+        EXPECT_GT(frame.report.error_px, settings.selection.error_px);
+    }
+    cloud.hold(false);
+    while (frame.report.nodes_missing > 0) frame = render(renderer, cloud, camera, settings);
+    settings.wait = true;
+    EXPECT_EQ(frame.colors, render_cold(cloud, camera, settings).colors);
+}
+
+TEST(ResidentCloud, AFailedPageIsReportedOnceAndTheNodeAboveItDrawn) {
+    PagedCloud cloud(hills());
+    RenderSettings settings = settings_of(cloud);
+    settings.range = ColorRange{-5, 5};
+    const Camera camera = camera_at(cloud, 100, 100, 60, 0.8);
+    cloud.failing_page = cloud.node(cloud.root()).first_child;
+    settings.wait = false;
+    Renderer renderer;
+    uint64_t failures = 0;
+    Frame frame;
+    do {
+        frame = render(renderer, cloud, camera, settings);
+        failures += frame.report.failures.count;
+        if (frame.report.failures.count > 0) EXPECT_EQ(frame.report.failures.first, "page 1 is gone");
+    } while (frame.report.nodes_missing > 0);
+    EXPECT_EQ(failures, 1u);
+    EXPECT_GT(frame.report.nodes_drawn, 5u);
+    EXPECT_GT(frame.report.error_px, settings.selection.error_px);
+}
+
 TEST(ResidentCloud, AFailedNodeIsReportedOnceAndItsParentDrawn) {
-    HeldCloud cloud = hills();
+    HeldCloud cloud(hills());
     RenderSettings settings = settings_of(cloud);
     settings.range = ColorRange{-5, 5};
     const Camera camera = camera_at(cloud, 100, 100, 60, 0.8);
@@ -215,7 +282,7 @@ TEST(ResidentCloud, AFailedNodeIsReportedOnceAndItsParentDrawn) {
 
 // However little time there is, the root is drawn; at rest each frame may take twice as long, until nothing is missing.
 TEST(ResidentCloud, LittleTimeDrawsLittleAndRestDrawsAll) {
-    HeldCloud cloud = hills();
+    HeldCloud cloud(hills());
     RenderSettings settings = settings_of(cloud);
     const Camera camera = flight(cloud, 1)[0];
     Renderer renderer;
