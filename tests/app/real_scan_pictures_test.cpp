@@ -1,0 +1,55 @@
+// Pictures of real scans by the real program, against baselines: airborne scans of a park at a river in feet (autzen_trim), of
+// a forest (4_6_crop), and of open ground seen at 4 points a square meter (sample_c).
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+
+#include "tests/support/run_program.h"
+#include "tests/support/temporary_folder.h"
+
+namespace strata {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Picture {
+    const char* name;
+    const char* scan;
+    std::vector<std::string> words;
+};
+
+void PrintTo(const Picture& picture, std::ostream* out) { *out << picture.name; }
+
+class RealScanPictures : public testing::TestWithParam<Picture> {};
+
+// As for the village, a tile may be off by 2 steps of 255: what a GPU's lighting may differ by. A missing point is off by far more.
+TEST_P(RealScanPictures, AgreeWithTheBaselines) {
+    const Picture& picture = GetParam();
+    const char* const data = std::getenv("STRATA_DATA");
+    const fs::path scan = fs::path(data ? data : "") / "las" / picture.scan;
+    if (!data || !fs::exists(scan)) GTEST_SKIP() << "STRATA_DATA names no folder with real scans";
+    const TemporaryFolder folder;
+    const std::string name = picture.name;
+    std::vector<std::string> words = {"render", scan.string(), "-o", folder.file(name + ".png"), "--size", "320x200", "--reference",
+                                      STRATA_SOURCE_DIR "/tests/baselines/" + name + ".png", "--threshold", "2"};
+    words.insert(words.end(), picture.words.begin(), picture.words.end());
+    const test::ProgramResult result = test::run_strata(words);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    if (result.exit_code == 0) return;
+    // Kept for whoever looks into it, beside the test program.
+    for (const std::string& kept : {name + ".png", name + ".difference.png"})
+        if (fs::exists(folder.file(kept))) fs::copy_file(folder.file(kept), kept, fs::copy_options::overwrite_existing);
+}
+
+INSTANTIATE_TEST_SUITE_P(, RealScanPictures,
+                         testing::Values(Picture{"park", "autzen_trim.las", {}},
+                                         Picture{"park_bank_samples", "autzen_trim.las",
+                                                 {"--eye", "636620,849480,470", "--target", "636760,849240,420", "--samples", "4"}},
+                                         Picture{"forest_returns", "4_6_crop.las", {"--color", "return", "--splat", "disc", "--edl", "1,4"}},
+                                         Picture{"forest_ssao", "4_6_crop.las", {"--color", "elevation", "--ssao", "--edl", "0"}},
+                                         Picture{"ground_fill", "sample_c.las", {"--fill", "--splat", "square", "--point-size", "3"}}),
+                         [](const testing::TestParamInfo<Picture>& info) { return std::string(info.param.name); });
+
+}  // namespace
+}  // namespace strata
