@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "io/byte_source.h"
-#include "io/las/las_source.h"
+#include "io/las/laz_source.h"
 #include "io/merged_source.h"
 #include "io/potree/potree_cloud.h"
 
@@ -19,9 +19,9 @@ namespace fs = std::filesystem;
 
 constexpr std::array kFormats = {
     Format{"las", "LAS 1.0 to 1.4, point formats 0 to 10", ".las", FormatKind::points, true},
+    Format{"laz", "LAZ, compressed LAS, point formats 0 to 10", ".laz", FormatKind::points, false},
+    Format{"copc", "COPC, a LAZ file with an octree, read as LAZ", ".copc.laz", FormatKind::points, false},
     Format{"potree", "Potree 2.0, a folder with metadata.json", "", FormatKind::layered, true},
-    Format{"laz", "LAZ, compressed LAS", ".laz", FormatKind::not_readable, false},
-    Format{"copc", "COPC, a LAZ file with an octree", ".copc.laz", FormatKind::not_readable, false},
     Format{"3dtiles", "3D Tiles, tileset.json or .pnts", ".json .pnts", FormatKind::not_readable, false},
     Format{"ept", "Entwine Point Tiles, a folder with ept.json", "", FormatKind::not_readable, false},
     Format{"e57", "ASTM E57", ".e57", FormatKind::not_readable, false},
@@ -62,7 +62,7 @@ const Format& identify_folder(const std::string& path) {
 bool is_las_name(const fs::path& path) {
     std::string ending = path.extension().string();
     std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-    return ending == ".las" || ending == ".laz";  // compressed ones too: they are refused by name, not passed over
+    return ending == ".las" || ending == ".laz";
 }
 
 const Format& identify_las(std::string_view head) {
@@ -95,8 +95,8 @@ const Format& identify_bytes(const ByteSource& source) {
 
 std::unique_ptr<PointSource> open_points_file(const std::string& path) {
     const Format& format = identify_format(path);
-    if (format.name != "las") refuse(path, format, "a plain file of points");
-    return std::make_unique<LasSource>(open_file(path));
+    if (format.kind != FormatKind::points) refuse(path, format, "a plain file of points");
+    return open_las(open_file(path));
 }
 
 }  // namespace
@@ -123,7 +123,7 @@ std::vector<std::string> point_files(std::span<const std::string> words) {
             if (is_las_name(entry->path())) files.push_back(entry->path().string());
         if (problem) throw Error(ErrorKind::io, word + ": " + problem.message());
         if (files.size() == size_t(before))
-            throw Error(ErrorKind::not_found, word + ": no .las files in this folder, and no metadata.json of Potree 2.0");
+            throw Error(ErrorKind::not_found, word + ": no .las or .laz files in this folder, and no metadata.json of Potree 2.0");
         std::sort(files.begin() + before, files.end());
     }
     return files;

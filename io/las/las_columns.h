@@ -22,6 +22,9 @@ public:
 
     const std::vector<Attribute>& attributes() const { return attributes_; }
 
+    /// The byte of the record at which the attribute begins.
+    size_t record_offset(size_t attribute) const { return sources_[attribute].record_offset; }
+
     /// Decodes records into rows first ... of a batch that is sized for them: positions and the wanted attributes.
     void decode(std::span<const std::byte> records, std::span<const int> wanted, size_t first, PointBatch& out) const;
 

@@ -97,11 +97,13 @@ void append(const Entry& entry, uint16_t record_offset, std::vector<ExtraAttribu
 std::vector<ExtraAttribute> read_extra_bytes(const ByteSource& source, const Header& header, std::vector<std::string>& notes) {
     std::vector<ExtraAttribute> attributes;
     size_t begin = point_layout(header.point_format).size;
-    const auto record = std::find_if(header.records.begin(), header.records.end(),
-                                     [](const VariableRecord& candidate) { return candidate.is("LASF_Spec", 4); });
-    if (record != header.records.end()) {
-        const std::vector<std::byte> payload = read_record(source, *record, UINT16_MAX);
-        ByteReader reader(payload, source.name() + ": extra bytes", record->offset);
+    // Some writers append a record for each attribute they add, others leave one behind that the new one replaces.
+    bool first = true;
+    for (const VariableRecord& record : header.records) {
+        if (!record.is("LASF_Spec", 4) || (!first && begin == header.record_size)) continue;
+        first = false;
+        const std::vector<std::byte> payload = read_record(source, record, UINT16_MAX);
+        ByteReader reader(payload, source.name() + ": extra bytes", record.offset);
         if (payload.size() % kExtraBytesRecordBytes != 0)
             reader.fail(std::to_string(payload.size()) + " bytes, a multiple of " + std::to_string(kExtraBytesRecordBytes) + " is expected");
         while (reader.left() > 0) {

@@ -3,9 +3,8 @@
 #include <algorithm>
 
 #include "core/error.h"
-#include "io/las/las_crs.h"
 #include "io/las/las_extra_bytes.h"
-#include "io/las/las_layout.h"
+#include "io/las/las_info.h"
 
 namespace strata {
 namespace {
@@ -16,7 +15,7 @@ constexpr size_t kReadBytes = 256 * 1024;
 las::Header read_uncompressed_header(const ByteSource& bytes) {
     las::Header header = las::read_header(bytes);
     if (header.compressed)
-        throw Error(ErrorKind::unsupported, bytes.name() + ": compressed (LAZ): its codec is not in this version; LAS is read");
+        throw Error(ErrorKind::unsupported, bytes.name() + ": compressed (LAZ): uncompressed LAS is expected");
     return header;
 }
 
@@ -27,14 +26,7 @@ LasSource::LasSource(std::unique_ptr<ByteSource> bytes)
       header_(read_uncompressed_header(*bytes_)),
       notes_(header_.notes),
       columns_(header_.point_format, header_.record_size, las::read_extra_bytes(*bytes_, header_, notes_)) {
-    info_.format = "las 1." + std::to_string(header_.minor_version) + ", point format " + std::to_string(header_.point_format);
-    info_.points = header_.points;
-    info_.bounds = header_.bounds;
-    info_.quantization = header_.quantization;
-    info_.attributes = columns_.attributes();
-    info_.crs = las::read_crs(*bytes_, header_, notes_);
-    if (las::point_layout(header_.point_format).wave) notes_.push_back("wave packets are left out");
-    info_.notes = std::move(notes_);
+    info_ = las::cloud_info(*bytes_, header_, columns_, "las", std::move(notes_));
 }
 
 void LasSource::read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const {

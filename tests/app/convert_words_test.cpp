@@ -58,13 +58,13 @@ TEST_F(ConvertWords, AFolderStandsForTheScansInIt) {
 }
 
 // What is in the folder and cannot be read must not be missing in silence.
-TEST_F(ConvertWords, ACompressedScanInTheFolderIsNamed) {
+TEST_F(ConvertWords, ADamagedScanInTheFolderIsNamed) {
     std::string bytes = bytes_of(scan("2"));
-    bytes[104] = char(bytes[104] | 0x80);  // what LASzip sets
+    bytes[104] = char(bytes[104] | 0x80);  // what LASzip sets; its record is missing
     std::ofstream(file("scans/3.LAZ"), std::ios::binary) << bytes;
     const ProgramResult result = run_strata({"convert", file("scans"), file("out"), "--quiet"});
     EXPECT_EQ(result.exit_code, 1);
-    EXPECT_TRUE(result.err.starts_with("strata: " + file("scans/3.LAZ") + ": laz")) << result.err;
+    EXPECT_TRUE(result.err.starts_with("strata: " + file("scans/3.LAZ") + ": record 'laszip encoded'")) << result.err;
     EXPECT_FALSE(std::filesystem::exists(file("out")));
 }
 

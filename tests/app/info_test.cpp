@@ -119,7 +119,7 @@ TEST_F(InfoCommand, WhatCannotBeReadIsOneLineAndExitCode1) {
     test::LasFile compressed = scan();
     compressed.point_format |= 0x80;  // the mark of LASzip
     std::ofstream(folder_.file("text.xyz")) << "1 2 3\n";
-    const std::pair<std::string, const char*> cases[] = {{write("scan.laz", compressed), "laz (LAZ, compressed LAS): its codec is not in this version"},
+    const std::pair<std::string, const char*> cases[] = {{write("scan.laz", compressed), "record 'laszip encoded' is missing"},
                                                          {folder_.file("text.xyz"), "not a format that strata knows"},
                                                          {folder_.file("none"), "No such file"},
                                                          {folder_.path(), "a folder without data"}};

@@ -227,6 +227,20 @@ TEST(LasSource, WhichCountCounts) {
     EXPECT_EQ(count_and_notes(0, 0), std::pair(uint64_t{0}, size_t{0}));
 }
 
+TEST(LasSource, ExtraBytesMayBeDescribedByARecordEach) {
+    LasFile file{.point_format = 0};
+    file.vlrs = {{"LASF_Spec", 4, test::extra_bytes_entry("height", 3)}, {"LASF_Spec", 4, test::extra_bytes_entry("width", 1)},
+                 {"LASF_Spec", 4, test::extra_bytes_entry("stale", 10)}};
+    file.records = {test::las_record(0, {})};
+    test::put<uint16_t>(file.records[0], 700);
+    test::put<uint8_t>(file.records[0], 9);
+    const auto source = open(file);
+    EXPECT_EQ(values_of(*source, points_of(*source), "height"), Values{700});
+    EXPECT_EQ(values_of(*source, points_of(*source), "width"), Values{9});
+    EXPECT_LT(find_attribute(source->info().attributes, "stale"), 0);
+    EXPECT_TRUE(source->info().notes.empty());
+}
+
 TEST(LasSource, WavePacketsAreNamedAsLeftOut) {
     LasFile file{.minor_version = 3, .point_format = 4};
     file.records = {test::las_record(4, {})};

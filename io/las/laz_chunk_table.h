@@ -1,0 +1,25 @@
+#pragma once
+
+#include <vector>
+
+#include "io/byte_source.h"
+#include "io/las/las_header.h"
+#include "io/las/laz_decoder.h"
+#include "io/las/laz_header.h"
+
+namespace strata::las {
+
+/// The chunks of a file in the order of their points; together they have the header's points.
+struct LazChunks {
+    std::vector<LazChunk> chunks;
+    /// The writer was interrupted before it wrote the table, or the points are one stream: only the first chunk's offset is
+    /// known, and each other one begins where the one before it ends. All have `open_end`.
+    bool sequential = false;
+};
+
+/// Reads the chunk table, checked against the file: chunks lie one after the other behind the header and before the end of the
+/// file, and none has more points than its bytes can hold.
+/// throws  Error{malformed, io}: file, place, expectation
+LazChunks read_laz_chunks(const ByteSource& source, const Header& header, const LazHeader& laz);
+
+}  // namespace strata::las

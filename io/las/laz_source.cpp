@@ -1,0 +1,182 @@
+#include "io/las/laz_source.h"
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+
+#include "core/error.h"
+#include "io/las/las_extra_bytes.h"
+#include "io/las/las_info.h"
+#include "io/las/las_source.h"
+
+namespace strata {
+namespace {
+
+// Chunks are joined up to so many points, and decoded whole up to so many; larger ones in parts.
+constexpr uint64_t kJoinedPoints = 65536, kMostPoints = 1 << 18, kPartPoints = 1 << 17;
+constexpr uint64_t kMostBatchBytes = 16 << 20;  // of records; batches must stay small beside the caps on memory
+constexpr size_t kTileBytes = 128 * 1024;       // of records, on their way from the decoder to the columns
+// Threads take parts of a chunk nearly in order; a few places to go on from let none begin anew.
+constexpr size_t kKeptLanes = 8;
+
+las::Header read_compressed_header(const ByteSource& bytes) {
+    las::Header header = las::read_header(bytes);
+    if (!header.compressed) throw Error(ErrorKind::unsupported, bytes.name() + ": not compressed: LAZ is expected");
+    return header;
+}
+
+bool is_copc(const las::Header& header) { return !header.records.empty() && header.records.front().user_id == "copc"; }
+
+}  // namespace
+
+// Goes through the points from a chunk on, one behind the other. A copy goes on where the original was.
+class LazSource::Walk {
+public:
+    Walk(const LazSource& source, size_t chunk, const las::LazSelection& selection)
+        : source_(source), chunk_(chunk), offset_(source.chunks_.chunks[chunk].offset),
+          decoder_(las::make_laz_decoder(source.header_, source.laz_, selection)) {}
+    Walk(const Walk& other)
+        : source_(other.source_), chunk_(other.chunk_), done_(other.done_), offset_(other.offset_), decoder_(other.decoder_->clone()) {}
+    Walk& operator=(const Walk&) = delete;
+
+    /// Calls sink(records, count) for the next `points` points in pieces.
+    template <typename Sink>
+    void read(uint64_t points, Sink sink) {
+        const size_t record_size = source_.header_.record_size;
+        const uint64_t tile = std::max<uint64_t>(1, kTileBytes / record_size);
+        thread_local std::vector<std::byte> records;
+        records.resize(size_t(std::min(tile, points)) * record_size);
+        while (points > 0) {
+            const las::LazChunk& chunk = source_.chunks_.chunks[chunk_];
+            const uint64_t count = std::min({tile, points, chunk.points - done_});
+            try {
+                if (done_ == 0) begin(chunk);
+                decoder_->decode(size_t(count), records.data());
+                done_ += count;
+                if (done_ == chunk.points) offset_ = decoder_->finish();
+            } catch (const Error& error) {
+                // What the decoders find wrong they tell by the byte alone.
+                if (error.kind == ErrorKind::malformed && std::string_view(error.what()).starts_with("byte ")) throw error.within(place());
+                throw;
+            }
+            if (done_ == chunk.points) next_chunk();
+            sink(records.data(), size_t(count));
+            points -= count;
+        }
+    }
+
+private:
+    void begin(las::LazChunk chunk) {
+        if (chunk.open_end) {
+            const uint64_t end = source_.bytes_->size();
+            chunk.offset = offset_;
+            chunk.size = end - std::min(end, offset_);
+        }
+        decoder_->begin(*source_.bytes_, chunk);
+    }
+    void next_chunk() {
+        ++chunk_;
+        done_ = 0;
+        if (!source_.chunks_.sequential && chunk_ < source_.chunks_.chunks.size()) offset_ = source_.chunks_.chunks[chunk_].offset;
+    }
+    std::string place() const {
+        return source_.bytes_->name() + ": chunk " + std::to_string(chunk_ + 1) + " of " + std::to_string(source_.chunks_.chunks.size());
+    }
+
+    const LazSource& source_;
+    size_t chunk_;
+    uint64_t done_ = 0;  // points of the chunk
+    uint64_t offset_;    // of the chunk; of the next one once it is done
+    std::unique_ptr<las::LazDecoder> decoder_;
+};
+
+LazSource::LazSource(std::unique_ptr<ByteSource> bytes)
+    : bytes_(std::move(bytes)),
+      header_(read_compressed_header(*bytes_)),
+      laz_(las::read_laz_header(*bytes_, header_)),
+      chunks_(las::read_laz_chunks(*bytes_, header_, laz_)),
+      notes_(header_.notes),
+      columns_(header_.point_format, header_.record_size, las::read_extra_bytes(*bytes_, header_, notes_)) {
+    info_ = las::cloud_info(*bytes_, header_, columns_, is_copc(header_) ? "copc 1.0, laz" : "laz", std::move(notes_));
+    plan_batches();
+}
+
+LazSource::~LazSource() = default;
+
+void LazSource::plan_batches() {
+    const std::vector<las::LazChunk>& chunks = chunks_.chunks;
+    const uint64_t most = std::clamp<uint64_t>(kMostBatchBytes / header_.record_size, 1, kMostPoints), part = std::min(most, kPartPoints);
+    const uint64_t joined = std::min(most, kJoinedPoints);
+    for (size_t c = 0; c < chunks.size(); ++c) {
+        const uint64_t points = chunks[c].points;
+        if (points > most) {
+            for (uint64_t first = 0; first < points; first += part) batches_.push_back({c, first, std::min(part, points - first), true});
+            continue;
+        }
+        if (!batches_.empty() && batches_.back().first_point == 0 && batches_.back().points + points <= joined &&
+            batches_.back().in_order == chunks_.sequential)
+            batches_.back().points += points;
+        else
+            batches_.push_back({c, 0, points, chunks_.sequential});
+    }
+}
+
+las::LazSelection LazSource::selection(std::span<const int> wanted) const {
+    las::LazSelection selection{std::vector<bool>(header_.record_size, false)};
+    for (const int index : wanted) {
+        const size_t begin = columns_.record_offset(size_t(index));
+        std::fill_n(selection.bytes.begin() + std::ptrdiff_t(begin), info_.attributes[size_t(index)].size_bytes(), true);
+    }
+    return selection;
+}
+
+template <typename Sink>
+void LazSource::read_points(uint64_t index, const las::LazSelection& selection, Sink sink) const {
+    const Batch& batch = batches_[size_t(index)];
+    if (batch.in_order) return read_in_order(index, sink);
+    Walk(*this, batch.chunk, selection).read(batch.points, sink);
+}
+
+template <typename Sink>
+void LazSource::read_in_order(uint64_t index, Sink sink) const {
+    const std::lock_guard lock(in_order_);
+    // The farthest place before the batch: where its chunk begins, if that is known, or one that was kept.
+    Lane lane;
+    for (const Lane& kept : lanes_)
+        if (kept.batch <= index && (!lane.walk || kept.batch > lane.batch)) {
+            lane.batch = kept.batch;
+            lane.walk = std::make_unique<Walk>(*kept.walk);
+        }
+    uint64_t begin = index;
+    while (begin > 0 && (batches_[size_t(begin)].first_point > 0 || (chunks_.sequential && batches_[size_t(begin)].chunk > 0))) --begin;
+    if (!lane.walk || lane.batch < begin) lane = {begin, std::make_unique<Walk>(*this, batches_[size_t(begin)].chunk, las::LazSelection{})};
+
+    for (; lane.batch < index; ++lane.batch) lane.walk->read(batches_[size_t(lane.batch)].points, [](const std::byte*, size_t) {});
+    lane.walk->read(batches_[size_t(index)].points, sink);
+    ++lane.batch;
+    if (lane.batch < batches_.size() && batches_[size_t(lane.batch)].in_order) lanes_.push_back(std::move(lane));
+    if (lanes_.size() > kKeptLanes) lanes_.pop_front();
+}
+
+void LazSource::read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const {
+    resize_batch(out, size_t(batches_[size_t(index)].points), info_.attributes, wanted);
+    size_t row = 0;
+    read_points(index, selection(wanted), [&](const std::byte* records, size_t count) {
+        columns_.decode({records, count * header_.record_size}, wanted, row, out);
+        row += count;
+    });
+}
+
+std::vector<std::byte> LazSource::read_records(uint64_t index) const {
+    std::vector<std::byte> all;
+    all.reserve(size_t(batches_[size_t(index)].points) * header_.record_size);
+    read_points(index, {}, [&](const std::byte* records, size_t count) { all.insert(all.end(), records, records + count * header_.record_size); });
+    return all;
+}
+
+std::unique_ptr<PointSource> open_las(std::unique_ptr<ByteSource> bytes) {
+    if (las::read_header(*bytes).compressed) return std::make_unique<LazSource>(std::move(bytes));
+    return std::make_unique<LasSource>(std::move(bytes));
+}
+
+}  // namespace strata
