@@ -10,6 +10,7 @@
 
 #include "core/error.h"
 #include "render/colormap.h"
+#include "render/point_normals.h"
 
 namespace strata {
 namespace {
@@ -55,16 +56,6 @@ void with_scalar(ScalarType type, const Visit& visit) {
         case ScalarType::float32: return visit(float{});
         case ScalarType::float64: return visit(double{});
     }
-}
-
-// Where the components of the normals are; -1: the cloud has none.
-std::array<int, 3> normal_attributes(const CloudInfo& info) {
-    std::array<int, 3> found;
-    for (size_t axis = 0; axis < 3; ++axis) {
-        found[axis] = find_attribute(info.attributes, attribute_name::kNormal[axis]);
-        if (found[axis] < 0 || info.attributes[size_t(found[axis])].components != 1) return {-1, -1, -1};
-    }
-    return found;
 }
 
 // A color map's entries begin in equal ratios. By square roots, which are the same on every machine.

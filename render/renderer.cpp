@@ -86,8 +86,8 @@ void restore_indices(std::span<PixelId> ids, std::span<const std::optional<CutNo
 std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
                                   std::span<const NodeId> ids, std::span<ResidentNode* const> points,
                                   std::span<const std::optional<CutNode>> cut) {
-    // The widest splat reaches half its width beyond its point; two more rows cover rounding.
-    const double margin_px = 0.5 * settings.splat.widest_px() + 2.0;
+    // Two more rows cover rounding.
+    const double margin_px = settings.splat.reach_px() + 2.0;
     std::vector<PointNode> nodes(ids.size());
     uint64_t rank = 0;
     for (size_t slot = 0; slot < ids.size(); ++slot) {
@@ -102,7 +102,9 @@ std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camer
     return nodes;
 }
 
-uint64_t pixel_bytes(const RenderSettings& settings) { return kPixelBytes + (settings.samples > 1 ? kSamplePixelBytes : 0); }
+uint64_t pixel_bytes(const RenderSettings& settings) {
+    return kPixelBytes + (settings.samples > 1 ? kSamplePixelBytes : 0) + (settings.splat.shape == SplatShape::gaussian ? kBlendPixelBytes : 0);
+}
 
 uint32_t choose_strip_rows(const RenderSettings& settings) {
     if (settings.tile_rows > 0) return std::min(settings.tile_rows, settings.height);
@@ -177,7 +179,8 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     RenderReport report;
     Stopwatch watch(report);
 
-    const ResidencySettings residency = {settings.color, settings.colormap, settings.range, settings.filter, settings.threads};
+    const bool normals = settings.splat.shape == SplatShape::surfel;
+    const ResidencySettings residency = {settings.color, settings.colormap, settings.range, settings.filter, normals, settings.threads};
     if (!resident_ || !resident_->is_for(cloud, residency)) {
         resident_.reset();  // its memory first
         resident_ = std::make_unique<ResidentCloud>(cloud, residency);
@@ -194,9 +197,10 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     selection_settings.memory_bytes = settings.memory_bytes - std::min(settings.memory_bytes, strip_bytes);
     // With a filter every node is copied, as those are that a clip box cuts.
     const bool filtered = !settings.filter.everything();
+    const uint64_t normal_bytes = normals ? kResidentNormalBytes : 0, cut_bytes = kCutPointBytes + normal_bytes;
     selection_settings.node_bytes = kResidentNodeBytes;
-    selection_settings.point_bytes = kResidentPointBytes + (filtered ? kResidentFilterBytes + kCutPointBytes : 0);
-    selection_settings.cut_point_bytes = filtered ? 0 : kCutPointBytes;
+    selection_settings.point_bytes = kResidentPointBytes + normal_bytes + (filtered ? kResidentFilterBytes + cut_bytes : 0);
+    selection_settings.cut_point_bytes = filtered ? 0 : cut_bytes;
     selection_settings.clip = &clip;
     selection_settings.load_pages = settings.wait;
     if (!settings.wait) resident_->add_pages(cloud);

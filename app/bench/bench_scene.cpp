@@ -46,19 +46,21 @@ BenchScene::BenchScene(const std::string& folder, const BenchSettings& settings)
     write_simulated_scan(las_path(), village_, {.points = settings.points, .noise = kNoise, .seed = kSeed, .mode = SurveyMode::both},
                          settings.threads, false, Durability::unsynced, {});
     convert(settings);
-    cloud_ = reopen();
+    convert(settings, normals_path(), true);
+    cloud_ = open_layered(normals_path());
 }
 
-std::unique_ptr<LayeredCloud> BenchScene::reopen() const { return open_layered(potree_path()); }
+std::unique_ptr<LayeredCloud> BenchScene::reopen() const { return open_layered(plain_path()); }
 
-void BenchScene::convert(const BenchSettings& settings) const {
+void BenchScene::convert(const BenchSettings& settings, const std::string& path, bool normals) const {
     const std::string las = las_path();
     const std::unique_ptr<PointSource> source = open_points(std::span(&las, 1));
-    const auto writer = make_potree_writer(potree_path(), {.overwrite = true, .durability = Durability::unsynced});
+    const auto writer = make_potree_writer(path, {.overwrite = true, .durability = Durability::unsynced});
     const auto scratch = make_scratch_file(temporary_.path());
     BuildSettings building;
     building.threads = settings.threads;
     building.memory_bytes = settings.memory_bytes;
+    if (normals) building.surface.emplace();
     build_octree(*source, building, scratch.get(), *writer);
 }
 

@@ -28,8 +28,8 @@ struct BenchSettings {
     bool wants(std::string_view name) const { return name.find(only) != std::string_view::npos; }
 };
 
-/// The simulated village, scanned from the air and the ground with 1 cm of noise, seed 1, as a LAS file and as a
-/// Potree folder. Both vanish with it.
+/// The simulated village, scanned from the air and the ground with 1 cm of noise, seed 1, as a LAS file and as
+/// Potree folders without and with normals. All vanish with it.
 class BenchScene {
 public:
     /// folder  where the temporary files go
@@ -37,14 +37,18 @@ public:
 
     const VillageScene& village() const { return village_; }
     std::string las_path() const { return temporary_.path() + "/village.las"; }
+    /// With normals, so that every splat kind can be drawn.
     LayeredCloud& cloud() { return *cloud_; }
+    /// As users convert it, without normals.
     std::unique_ptr<LayeredCloud> reopen() const;
 
-    /// Builds the Potree folder from the LAS file again.
-    void convert(const BenchSettings& settings) const;
+    /// Builds the Potree folder without normals from the LAS file again.
+    void convert(const BenchSettings& settings) const { convert(settings, plain_path(), false); }
 
 private:
-    std::string potree_path() const { return temporary_.path() + "/village"; }
+    void convert(const BenchSettings& settings, const std::string& path, bool normals) const;
+    std::string plain_path() const { return temporary_.path() + "/village"; }
+    std::string normals_path() const { return temporary_.path() + "/village_normals"; }
 
     TemporaryPath temporary_;
     VillageScene village_;

@@ -12,10 +12,12 @@ struct SplatKind {
     std::string_view name;
     void (*apply)(RenderSettings&);
 };
-inline constexpr std::array<SplatKind, 3> kSplatKinds = {{
+inline constexpr std::array<SplatKind, 5> kSplatKinds = {{
     {"square", [](RenderSettings& settings) { settings.splat.shape = SplatShape::square; }},
     {"disc", [](RenderSettings& settings) { settings.splat.shape = SplatShape::disc; }},
     {"paraboloid", [](RenderSettings& settings) { settings.splat.shape = SplatShape::paraboloid; }},
+    {"gaussian", [](RenderSettings& settings) { settings.splat.shape = SplatShape::gaussian; }},
+    {"surfel", [](RenderSettings& settings) { settings.splat.shape = SplatShape::surfel; }},
 }};
 
 }  // namespace strata

@@ -33,8 +33,10 @@ constexpr OptionRow kRows[] = {
     {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, normal, density, or an attribute; default: rgb, else elevation"},
     {"--colormap", "", "NAME", "", "color map for quantities"},
     {"--range", "", "LOW,HIGH", "", "values that the color map reaches over; default: 2nd to 98th percentile"},
-    {"--splat", "", "square|disc|paraboloid", "paraboloid", "shape of a point; paraboloids meet where they overlap on a surface"},
+    {"--splat", "", "KIND", "paraboloid", "how a point is drawn: square, disc, paraboloid (they meet where they overlap on a surface), gaussian (paraboloids whose colors are averaged: smooth) or surfel (a disc across the point's normal, of 'convert --normals')"},
     {"--point-size", "", "adaptive|PIXELS", "adaptive", "diameter of a point; adaptive: from the spacing of the points, so that surfaces close"},
+    {"--min-point-size", "", "PIXELS", "1", "least diameter of adaptive sizes"},
+    {"--max-point-size", "", "PIXELS", "255", "largest diameter of adaptive sizes, at most 256"},
     {"--error", "", "PIXELS", "1", "detail: points left out lie this near to drawn ones"},
     {"--budget", "", "POINTS", "20000000", "most points to draw; the root is always drawn"},
     {"--clip", "", "BOX[;BOX...]", "", "draw only what is in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units, faces included; a number left out is open. Views are framed around the boxes"},
@@ -134,21 +136,34 @@ double sensible_ssao_radius(std::span<const Vec3d> points) {
     return box.empty() ? 1.0 : std::max(0.01 * box.size().norm(), 1e-6);
 }
 
+SplatShape parse_shape(const std::string& text) {
+    constexpr std::pair<std::string_view, SplatShape> kShapes[] = {{"square", SplatShape::square},
+                                                                  {"disc", SplatShape::disc},
+                                                                  {"paraboloid", SplatShape::paraboloid},
+                                                                  {"gaussian", SplatShape::gaussian},
+                                                                  {"surfel", SplatShape::surfel}};
+    for (const auto& [name, shape] : kShapes)
+        if (text == name) return shape;
+    refuse("--splat", "square, disc, paraboloid, gaussian or surfel", text);
+}
+
+float parse_diameter(const Options& options, std::string_view flag, const std::string& expected) {
+    const std::string text = options.text(flag);
+    const double diameter = parse_double(flag, text, expected, text);
+    if (!(diameter >= 1.0 && diameter <= 256.0)) refuse(flag, expected, text);
+    return float(diameter);
+}
+
 SplatStyle parse_splat(const Options& options) {
     SplatStyle splat;
-    const std::string shape = options.text("--splat"), size = options.text("--point-size");
-    if (shape == "square")
-        splat.shape = SplatShape::square;
-    else if (shape == "disc")
-        splat.shape = SplatShape::disc;
-    else if (shape == "paraboloid")
-        splat.shape = SplatShape::paraboloid;
-    else
-        refuse("--splat", "square, disc or paraboloid", shape);
-    if (size == "adaptive") return splat;
-    const std::string expected = "adaptive, or a diameter from 1 to 256 pixels";
-    splat.fixed_px = float(parse_double("--point-size", size, expected, size));
-    if (!(splat.fixed_px >= 1.0f && splat.fixed_px <= 256.0f)) refuse("--point-size", expected, size);
+    splat.shape = parse_shape(options.text("--splat"));
+    splat.least_px = parse_diameter(options, "--min-point-size", "a diameter from 1 to 256 pixels");
+    splat.most_px = parse_diameter(options, "--max-point-size", "a diameter from 1 to 256 pixels");
+    if (splat.least_px > splat.most_px) throw Error(ErrorKind::usage, "--min-point-size is larger than --max-point-size");
+    if (options.text("--point-size") == "adaptive") return splat;
+    splat.fixed_px = parse_diameter(options, "--point-size", "adaptive, or a diameter from 1 to 256 pixels");
+    for (const std::string_view flag : {"--min-point-size", "--max-point-size"})
+        if (options.given(flag)) throw Error(ErrorKind::usage, std::string(flag) + " is for adaptive sizes, --point-size says another");
     return splat;
 }
 

@@ -4,20 +4,15 @@
 #include <cstdint>
 
 #include "core/simd_level.h"
-#include "render/pass/band_locks.h"
 #include "render/pass/points_pass.h"
+#include "render/pass/splat_cover.h"
 
 namespace strata {
 
 /// Rows of words that points are drawn into.
 struct WordRows {
-    /// Words behind each row that kernels may read and write back.
-    static constexpr uint32_t kPadding = 4;
-
+    PixelRows rows;
     uint64_t* words;
-    uint32_t stride;  // words from row to row: width + kPadding
-    uint32_t width, first_row, rows;
-    const BandLocks& locks;  // of rows counted from first_row
 };
 
 /// Draws points [begin, end) of a node. Safe from several threads at once.

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/parallel.h"
+#include "render/pass/blend_kernel.h"
 #include "render/pass/point_block.h"
 #include "render/pass/points_kernel.h"
 #include "render/pass/resolve_kernel.h"
@@ -12,6 +13,7 @@ namespace strata {
 namespace {
 
 constexpr size_t kUnitPoints = 1 << 14;  // points a thread takes at a time
+static_assert(kBlendPixelBytes == sizeof(LightSum));
 
 }  // namespace
 
@@ -19,7 +21,7 @@ PointsPass::PointsPass() = default;
 PointsPass::~PointsPass() = default;
 
 void PointsPass::clear(uint32_t width, uint32_t first_row, uint32_t rows, int threads) {
-    stride_ = width + WordRows::kPadding;
+    stride_ = width + PixelRows::kPadding;
     const size_t needed = size_t(stride_) * rows;
     if (needed > capacity_) {
         words_.reset();
@@ -46,11 +48,32 @@ void PointsPass::draw(std::span<const PointNode> nodes, const PointProjection& p
         for (size_t begin = 0; begin < node.points->size(); begin += kUnitPoints)
             units.push_back({&node, begin, std::min(begin + kUnitPoints, node.points->size())});
     }
-    const WordRows target = {words_.get(), stride_, width_, first_row_, rows_, *locks_};
+    const PixelRows rows = {stride_, width_, first_row_, rows_, *locks_};
+    const auto each_unit = [&](const auto& body) {
+        parallel_blocks(threads, units.size(), 1, [&](size_t begin, size_t end) {
+            for (size_t i = begin; i < end; ++i) body(units[i]);
+        });
+    };
+    const WordRows words = {rows, words_.get()};
     const DrawPoints draw_points = points_kernel(level);
-    parallel_blocks(threads, units.size(), 1, [&](size_t begin, size_t end) {
-        for (size_t i = begin; i < end; ++i) draw_points(target, *units[i].node, units[i].begin, units[i].end, projection, style);
-    });
+    each_unit([&](const Unit& unit) { draw_points(words, *unit.node, unit.begin, unit.end, projection, style); });
+    if (style.shape != SplatShape::gaussian) return;
+
+    clear_sums(threads);
+    const BlendRows sums = {rows, words_.get(), sums_.get()};
+    const BlendPoints blend_points = blend_kernel(level);
+    each_unit([&](const Unit& unit) { blend_points(sums, *unit.node, unit.begin, unit.end, projection, style); });
+}
+
+void PointsPass::clear_sums(int threads) {
+    const size_t needed = size_t(stride_) * rows_;
+    if (needed > sums_capacity_) {
+        sums_.reset();
+        sums_ = std::make_unique_for_overwrite<LightSum[]>(needed);
+        sums_capacity_ = needed;
+    }
+    parallel_blocks(threads, needed, 1 << 15,
+                    [&](size_t begin, size_t end) { std::fill(sums_.get() + begin, sums_.get() + end, LightSum{}); });
 }
 
 void PointsPass::resolve(std::span<const PointNode> nodes, const PointProjection& projection, const SplatStyle& style,
@@ -70,8 +93,11 @@ void PointsPass::resolve(std::span<const PointNode> nodes, const PointProjection
     const ResolveInput input = {nodes, slots, projection, style, options, near};
     const ResolveRow resolve_row = resolve_kernel(level);
     parallel_blocks(threads, rows_, 16, [&](size_t first, size_t last) {
-        for (size_t row = first; row < last; ++row)
-            resolve_row(input, words_.get() + row * stride_, first_row_ + uint32_t(row), out, row * width_);
+        for (size_t row = first; row < last; ++row) {
+            const uint64_t* const words = words_.get() + row * stride_;
+            resolve_row(input, words, first_row_ + uint32_t(row), out, row * width_);
+            if (style.shape == SplatShape::gaussian) average_light(sums_.get() + row * stride_, words, {out.colors.data() + row * width_, width_});
+        }
     });
 }
 

@@ -1,7 +1,6 @@
 #include "render/pass/resolve_kernel.h"
 
 #include <algorithm>
-#include <bit>
 
 #include "core/simd_target.h"
 #include "render/pass/point_block.h"
@@ -40,7 +39,7 @@ inline void find_points(const ResolveInput& in, const uint64_t* words, size_t co
 // Colors and ids; spacing where sizes are adaptive, and positions where planes are wanted.
 inline void gather(const ResolveInput& in, const uint64_t* words, size_t count, GBuffer& out, size_t pixel, bool planes, Shown& shown) {
     shown.flat = 0;
-    const bool adaptive = in.style.fixed_px <= 0.0f;
+    const bool adaptive = in.style.fixed_px <= 0.0f, surfels = in.style.shape == SplatShape::surfel;
     for (size_t i = 0; i < count; ++i) {
         if (words[i] == 0) {
             out.colors[pixel + i] = 0;
@@ -54,7 +53,8 @@ inline void gather(const ResolveInput& in, const uint64_t* words, size_t count, 
         if (in.options.ids) out.ids[pixel + i] = make_pixel_id(shown.slot[i], index);
         if (!adaptive) continue;
         const PointShape& shape = points.shapes[index];
-        const bool flat = (shape.normal[0] | shape.normal[1] | shape.normal[2]) != 0;
+        const PackedNormal& normal = surfels ? points.normals[index] : shape.normal;
+        const bool flat = (normal[0] | normal[1] | normal[2]) != 0;
         shown.spacing[i] = shape.spacing;
         shown.share[i] = flat ? 0.5f : 1.0f;
         if (!flat || !planes) continue;
@@ -72,7 +72,7 @@ inline void resolve_row(const ResolveInput& in, const uint64_t* words, uint32_t 
     const SplatStyle& style = in.style;
     const float inverse_unit = 1.0f / view.pixels_per_unit, y = float(row) + 0.5f;
     const bool adaptive = style.fixed_px <= 0.0f;
-    const bool planes = adaptive && style.shape == SplatShape::paraboloid;
+    const bool planes = adaptive && (style.shape == SplatShape::paraboloid || style.shape == SplatShape::gaussian);
     const uint8_t fixed_size = uint8_t(std::min(style.fixed_px + 0.5f, 255.0f));
     PointBlock block;
     Shown shown;
@@ -82,13 +82,13 @@ inline void resolve_row(const ResolveInput& in, const uint64_t* words, uint32_t 
         gather(in, words, count, out, pixel, planes, shown);
         float* const depths = out.depths.data() + pixel;
         for (size_t i = 0; i < count; ++i) {
-            const float depth = view.linear_depth(std::bit_cast<float>(uint32_t(words[i] >> 32)));
+            const float depth = view.linear_depth(key_of_word(words[i]));
             depths[i] = words[i] == 0 ? kNoDepth : depth;
         }
         if (in.options.splat_px) {
             uint8_t* const sizes = out.splat_px.data() + pixel;
             for (size_t i = 0; i < count; ++i) {
-                const float key = std::bit_cast<float>(uint32_t(words[i] >> 32));
+                const float key = key_of_word(words[i]);
                 // Flat ones have no rims; steps between them are noise, which half their size evens out.
                 const float size = shown.share[i] * splat_size_px<perspective>(view, style, shown.spacing[i], key) + 0.5f;
                 const uint8_t rounded = adaptive ? uint8_t(std::min(size, 255.0f)) : fixed_size;

@@ -20,7 +20,7 @@ void find_extent(ResidentNode& node) {
 }  // namespace
 
 ResidentNode load_node(const LayeredCloud& cloud, const NodeRequest& request, std::span<const int> attributes,
-                       const PointColorizer& colors, const PointFilter& filter) {
+                       const PointColorizer& colors, const PointFilter& filter, const PointNormals* normals) {
     PointBatch batch;
     cloud.read_node(request.id, attributes, batch);
     ResidentNode node;
@@ -30,6 +30,7 @@ ResidentNode load_node(const LayeredCloud& cloud, const NodeRequest& request, st
         node.passes.assign(batch.size, 1);
         filter.test(batch, request.level, node.passes);
     }
+    if (normals != nullptr) node.normals = normals->read(batch);
     node.x = std::move(batch.x);
     node.y = std::move(batch.y);
     node.z = std::move(batch.z);

@@ -24,6 +24,7 @@ CutNode cut_node(const ResidentNode& node, const ClipRegion& clip) {
     gather(node.y, cut.points.y);
     gather(node.z, cut.points.z);
     gather(node.colors, cut.points.colors);
+    if (!node.normals.empty()) gather(node.normals, cut.points.normals);
     if (!node.shapes.empty()) gather(node.shapes, cut.points.shapes);
     cut.points.min_quanta = node.min_quanta;
     cut.points.max_quanta = node.max_quanta;

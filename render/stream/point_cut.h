@@ -15,7 +15,7 @@ struct CutNode {
     ResidentNode points;
     std::vector<uint32_t> indices;  // of the points in the whole node, ascending
 };
-inline constexpr uint64_t kCutPointBytes = kResidentPointBytes + sizeof(uint32_t);  // of a copy, a point
+inline constexpr uint64_t kCutPointBytes = kResidentPointBytes + sizeof(uint32_t);  // of a copy, a point; normals are more
 
 /// How much of a node is left: by its points, not by its box.
 Coverage coverage(const ResidentNode& node, const ClipRegion& clip);

@@ -42,14 +42,19 @@ ResidentCloud::ResidentCloud(const LayeredCloud& cloud, const ResidencySettings&
     : cloud_(cloud),
       settings_(settings),
       colors_(cloud.info(), settings.color, range_of(cloud, settings), settings.colormap),
+      normals_(settings.normals ? std::optional<PointNormals>(cloud.info()) : std::nullopt),
       wanted_attributes_(colors_.wanted().begin(), colors_.wanted().end()),
       cache_(settings.threads, [this](const NodeRequest& request) {
-          return load_node(cloud_, request, wanted_attributes_, colors_, settings_.filter);
+          return load_node(cloud_, request, wanted_attributes_, colors_, settings_.filter, normals_ ? &*normals_ : nullptr);
       }),
       pages_(cloud) {
-    for (const int attribute : settings_.filter.wanted())
-        if (std::find(wanted_attributes_.begin(), wanted_attributes_.end(), attribute) == wanted_attributes_.end())
-            wanted_attributes_.push_back(attribute);
+    const auto want = [&](std::span<const int> attributes) {
+        for (const int attribute : attributes)
+            if (std::find(wanted_attributes_.begin(), wanted_attributes_.end(), attribute) == wanted_attributes_.end())
+                wanted_attributes_.push_back(attribute);
+    };
+    want(settings_.filter.wanted());
+    if (normals_) want(normals_->wanted());
 }
 
 FrameNodes ResidentCloud::gather(const Selection& selection, const SelectionSettings& limits, uint64_t cap_bytes,

@@ -7,6 +7,7 @@
 #include "core/cloud/point_filter.h"
 #include "core/octree/node_selection.h"
 #include "render/point_color.h"
+#include "render/point_normals.h"
 #include "render/stream/node_cache.h"
 #include "render/stream/page_loader.h"
 
@@ -24,6 +25,7 @@ struct ResidencySettings {
     std::string colormap;
     std::optional<ColorRange> range;  // none: derived from the cloud
     PointFilter filter;
+    bool normals = false;  // as surfels want them
     int threads = 1;
 
     bool operator==(const ResidencySettings&) const = default;
@@ -45,6 +47,7 @@ struct FrameNodes {
 class ResidentCloud {
 public:
     /// Takes the color range from a sample of the cloud unless it is given. The cloud must outlive this.
+    /// throws  Error{usage}: normals are asked for and the cloud has none
     ResidentCloud(const LayeredCloud& cloud, const ResidencySettings& settings);
 
     bool is_for(const LayeredCloud& cloud, const ResidencySettings& settings) const {
@@ -69,6 +72,7 @@ private:
     const LayeredCloud& cloud_;
     ResidencySettings settings_;
     PointColorizer colors_;
+    std::optional<PointNormals> normals_;
     std::vector<int> wanted_attributes_;
     std::vector<NodeId> drawn_;  // by the last frame
     NodeCache cache_;

@@ -11,12 +11,15 @@
 
 namespace strata {
 
+/// A direction along world axes, either side; zero: none.
+using PackedNormal = std::array<int8_t, 3>;
+
 /// What a point stands for: a piece of surface of some size and tilt.
 struct PointShape {
     float spacing = 0.0f;                // world units: the radius of a splat that leaves no gap to its neighbors; 0: unknown
-    std::array<int8_t, 3> normal = {};   // world axes, length 127, either side; zero: the points around it lie in no plane
+    PackedNormal normal = {};            // of length 127; zero: the points around it lie in no plane
 
-    bool flat() const { return normal != std::array<int8_t, 3>{}; }
+    bool flat() const { return normal != PackedNormal{}; }
     bool operator==(const PointShape&) const = default;
 };
 
@@ -37,12 +40,13 @@ struct ShapeGrid {
     std::vector<PointShape> cells;  // [8 * 8 * 8]; empty where all points coincide
 };
 
-/// The points of one node, ready to draw or to be cut. 24 bytes a point, one more with a filter.
+/// The points of one node, ready to draw or to be cut. 24 bytes a point, one more with a filter, three with normals.
 struct ResidentNode {
     std::vector<int32_t> x, y, z;  // quanta of the cloud
     std::vector<Rgba8> colors;
     Vec3i min_quanta = Vec3i::Zero(), max_quanta = Vec3i::Zero();  // of the points
     std::vector<uint8_t> passes;   // the filter; empty: all pass
+    std::vector<PackedNormal> normals;  // the points' own, the largest number 127, good to a quarter of a degree; empty unless asked for
 
     ShapeGrid local_shape;  // measured once, among the node's points and those above it
     bool shape_measured = false;
@@ -55,6 +59,6 @@ struct ResidentNode {
 
 /// What a resident node takes in memory at most, without a filter, with its entry in the cache and its measured shapes.
 inline constexpr uint64_t kResidentNodeBytes = 5 * 1024, kResidentPointBytes = 24;
-inline constexpr uint64_t kResidentFilterBytes = 1;  // more a point
+inline constexpr uint64_t kResidentFilterBytes = 1, kResidentNormalBytes = sizeof(PackedNormal);  // more a point
 
 }  // namespace strata

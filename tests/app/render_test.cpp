@@ -73,9 +73,47 @@ TEST_F(Render, PicturesAgreeWithTheBaselines) {
 }
 
 TEST_F(Render, SamePixelsForAnyThreadsAndStrips) {
-    ASSERT_EQ(render({"-o", file("one.png"), "--threads", "1"}).exit_code, 0);
-    ASSERT_EQ(render({"-o", file("many.png"), "--threads", "7", "--tile", "13"}).exit_code, 0);
-    EXPECT_EQ(text_of(file("one.png")), text_of(file("many.png")));
+    for (const std::string kind : {"square", "disc", "paraboloid", "gaussian"}) {
+        ASSERT_EQ(render({"-o", file("one.png"), "--threads", "1", "--splat", kind}).exit_code, 0);
+        ASSERT_EQ(render({"-o", file("many.png"), "--threads", "7", "--tile", "13", "--splat", kind}).exit_code, 0);
+        EXPECT_EQ(text_of(file("one.png")), text_of(file("many.png"))) << kind;
+    }
+}
+
+// A view from near, where splats are many pixels wide; discs and paraboloids have baselines above. Surfels need normals, the others do not look at them.
+TEST_F(Render, EachSplatKindAgreesWithItsBaseline) {
+    ASSERT_EQ(run_strata({"convert", village(), file("village"), "--normals", "--quiet"}).exit_code, 0);
+    for (const std::string kind : {"square", "gaussian", "surfel"}) {
+        const std::string name = "splat_" + kind + ".png";
+        std::vector<std::string> words = {"render", file("village"), "-o", file(name), "--size", "320x240", "--eye", "548050,5327950,492", "--target",
+                                          "548015,5327995,476", "--splat", kind, "--edl", "0", "--overwrite", "--reference",
+                                          STRATA_SOURCE_DIR "/tests/baselines/" + name, "--threshold", "2"};
+        const ProgramResult result = run_strata(words);
+        EXPECT_EQ(result.exit_code, 0) << result.err;
+
+        // With everything that can be combined, strips do not show either.
+        const std::vector<std::string> all = {"render", file("village"), "--size", "240x160", "--view", "front", "--ortho", "--splat", kind, "--edl",
+                                              "0.7", "--fill", "--ssao", "--samples", "2", "--clip", "547960,5327940,,548020,5328000,", "--overwrite", "-o"};
+        const auto drawn = [&](const std::string& path, std::vector<std::string> more) {
+            more.insert(more.begin(), all.begin(), all.end());
+            more.insert(more.begin() + ptrdiff_t(all.size()), path);
+            EXPECT_EQ(run_strata(more).exit_code, 0);
+            return text_of(path);
+        };
+        EXPECT_EQ(drawn(file("whole.png"), {"--threads", "1"}), drawn(file("strips.png"), {"--threads", "5", "--tile", "37"})) << kind;
+    }
+    // Without normals: one line that names what makes them.
+    const ProgramResult refused = render({"-o", file("refused.png"), "--splat", "surfel"});
+    EXPECT_EQ(refused.exit_code, 2);
+    EXPECT_NE(refused.err.find("strata convert --normals"), std::string::npos);
+    EXPECT_FALSE(std::filesystem::exists(file("refused.png")));
+}
+
+// Clamps act on adaptive sizes: equal ones give a fixed size.
+TEST_F(Render, PointSizesAreClamped) {
+    ASSERT_EQ(render({"-o", file("fixed.png"), "--splat", "square", "--point-size", "3"}).exit_code, 0);
+    ASSERT_EQ(render({"-o", file("clamped.png"), "--splat", "square", "--min-point-size", "3", "--max-point-size", "3"}).exit_code, 0);
+    EXPECT_EQ(text_of(file("fixed.png")), text_of(file("clamped.png")));
 }
 
 // Fewer pixels show the background, in parts of the picture as in the whole; given without a number, it goes by the points.
@@ -251,7 +289,8 @@ TEST_F(Render, WrongCommandLinesAreUsageErrors) {
         {"--size", "0x10"}, {"--size", "16385x1"}, {"--size", "10"}, {"--view", "above"}, {"--fov", "180"}, {"--fov", "nan"},
         {"--eye", "0,0,nan"}, {"--eye", "1,2,3", "--target", "1,2,3"}, {"--eye", "1,2,3", "--view", "top"}, {"--up", "0,0,1"},
         {"--color", "smell"}, {"--colormap", "plaid"}, {"--background", "red"}, {"--edl", "-1"}, {"--fill", "0"}, {"--ssao", "0"}, {"--ssao=far", "-q"}, {"--fill", "17"}, {"--fill=wide", "-q"}, {"--edl", "1,2,3"},
-        {"--point-size", "0"}, {"--splat", "star"}, {"--error", "0"}, {"--budget", "0"}, {"--meters-per-pixel", "1"},
+        {"--point-size", "0"}, {"--splat", "star"}, {"--min-point-size", "0"}, {"--max-point-size", "257"},
+        {"--min-point-size", "9", "--max-point-size", "8"}, {"--min-point-size", "2", "--point-size", "3"}, {"--splat", "surfel"}, {"--error", "0"}, {"--budget", "0"}, {"--meters-per-pixel", "1"},
         {"--reference", "a.png", "--threshold", "-1"}, {"--threshold", "1"},
         {"--samples", "0"}, {"--samples", "1025"}, {"--time-budget", "-1"},
     };

@@ -7,67 +7,20 @@
 #include <vector>
 
 #include "core/math/random.h"
+#include "tests/support/point_frame.h"
 
 namespace strata {
 namespace {
 
-constexpr uint32_t kWidth = 200, kHeight = 100;
-const Quantization kMillimeters = {.scale = Vec3d::Constant(0.001), .offset = Vec3d(500000, 5300000, 100)};
+using namespace test;
 
-ResidentNode node_of(const std::vector<Vec3d>& positions, const Quantization& quantization) {
-    ResidentNode node;
-    node.shapes.assign(positions.size(), PointShape{.spacing = 0.1f});
-    for (const Vec3d& p : positions) {
-        const Vec3d quanta = (p - quantization.offset).cwiseQuotient(quantization.scale);
-        node.x.push_back(int32_t(std::lround(quanta.x())));
-        node.y.push_back(int32_t(std::lround(quanta.y())));
-        node.z.push_back(int32_t(std::lround(quanta.z())));
-        node.colors.push_back(make_rgba(uint8_t(node.x.size()), 0, 0));
-        const Vec3i q(node.x.back(), node.y.back(), node.z.back());
-        node.min_quanta = node.x.size() == 1 ? q : Vec3i(node.min_quanta.cwiseMin(q));
-        node.max_quanta = node.x.size() == 1 ? q : Vec3i(node.max_quanta.cwiseMax(q));
-    }
-    return node;
-}
-
-GBuffer draw(const std::vector<ResidentNode>& nodes, const Camera& camera, const SplatStyle& style, int threads = 1,
-             const Quantization& quantization = kMillimeters, SimdLevel level = best_simd_level()) {
-    std::vector<PointNode> list;
-    uint32_t rank = 0;
-    for (const ResidentNode& node : nodes) {
-        list.push_back({.points = &node, .first_rank = rank, .top_row = 0, .bottom_row = kHeight});
-        rank += uint32_t(node.size());
-    }
-    const PointProjection projection(camera, quantization, kWidth, kHeight);
-    PointsPass pass;
-    pass.clear(kWidth, 0, kHeight, threads);
-    pass.draw(list, projection, style, threads, level);
-    GBuffer out;
-    pass.resolve(list, projection, style, {.splat_px = true, .ids = true}, threads, out, level);
-    return out;
-}
-
-// At the offset's place, looking north.
-Camera camera_north(Projection projection) {
-    Camera camera;
-    camera.projection = projection;
-    camera.eye = kMillimeters.offset;
-    camera.view_from_world = look_along({0, 1, 0}, {0, 0, 1});
-    camera.fov_rad = 2.0 * std::atan(0.5);  // as high as far away, so 100 px a unit at depth 1
-    camera.height = 1.0;
-    camera.near_depth = 0.01;
-    camera.far_depth = 100;
-    return camera;
-}
-
-size_t drawn(const GBuffer& gbuffer) {
-    return size_t(std::count_if(gbuffer.ids.begin(), gbuffer.ids.end(), [](PixelId id) { return id != kNoPixelId; }));
-}
+constexpr uint32_t kWidth = kFrameWidth, kHeight = kFrameHeight;
+constexpr SplatShape kShapes[] = {SplatShape::square, SplatShape::disc, SplatShape::paraboloid, SplatShape::gaussian, SplatShape::surfel};
 
 // By hand: 2 units ahead, a pixel covers 0.02 units; 0.51 to the right is 25.5 pixels from the middle, 0.31 up 15.5.
 TEST(PointsPass, AKnownPointLandsOnItsPixel) {
     const std::vector<ResidentNode> nodes = {node_of({kMillimeters.offset + Vec3d(0.51, 2, 0.31)}, kMillimeters)};
-    const GBuffer perspective = draw(nodes, camera_north(Projection::perspective), {.fixed_px = 1});
+    const GBuffer perspective = draw_points(nodes, camera_north(Projection::perspective), {.fixed_px = 1});
     ASSERT_EQ(drawn(perspective), 1u);
     const size_t pixel = (50 - 16) * kWidth + 100 + 25;
     EXPECT_EQ(perspective.ids[pixel], make_pixel_id(0, 0));
@@ -75,7 +28,7 @@ TEST(PointsPass, AKnownPointLandsOnItsPixel) {
     EXPECT_EQ(perspective.colors[pixel], make_rgba(1, 0, 0));
 
     // Parallel: 100 pixels a unit at any depth, so 51 to the right and 31 up; the lower left pixel of the four that meet.
-    const GBuffer parallel = draw(nodes, camera_north(Projection::orthographic), {.fixed_px = 1});
+    const GBuffer parallel = draw_points(nodes, camera_north(Projection::orthographic), {.fixed_px = 1});
     ASSERT_EQ(drawn(parallel), 1u);
     const size_t hit = size_t(std::find(parallel.ids.begin(), parallel.ids.end(), make_pixel_id(0, 0)) - parallel.ids.begin());
     EXPECT_NEAR(double(hit % kWidth), 151, 1);  // on the pixels' common corner: rounding decides
@@ -85,7 +38,7 @@ TEST(PointsPass, AKnownPointLandsOnItsPixel) {
 
 TEST(PointsPass, WhatIsBehindTheEyeIsNotDrawn) {
     const std::vector<ResidentNode> nodes = {node_of({kMillimeters.offset + Vec3d(0, -2, 0), kMillimeters.offset}, kMillimeters)};
-    EXPECT_EQ(drawn(draw(nodes, camera_north(Projection::perspective), {.fixed_px = 5})), 0u);
+    EXPECT_EQ(drawn(draw_points(nodes, camera_north(Projection::perspective), {.fixed_px = 5})), 0u);
 }
 
 TEST(PointsPass, TheNearestShowsAndTiesGoToTheLowerRank) {
@@ -94,7 +47,7 @@ TEST(PointsPass, TheNearestShowsAndTiesGoToTheLowerRank) {
                                              node_of({p + Vec3d(0.01, 2, 0.01), p + Vec3d(0.01, 2, 0.01)}, kMillimeters),
                                              node_of({p + Vec3d(0.01, 2, 0.01)}, kMillimeters)};
     for (const Projection projection : {Projection::perspective, Projection::orthographic}) {
-        const GBuffer gbuffer = draw(nodes, camera_north(projection), {.fixed_px = 3});
+        const GBuffer gbuffer = draw_points(nodes, camera_north(projection), {.fixed_px = 3});
         for (const PixelId id : gbuffer.ids)
             if (id != kNoPixelId) EXPECT_TRUE(id == make_pixel_id(1, 0) || id == make_pixel_id(0, 0));
         EXPECT_GT(std::count(gbuffer.ids.begin(), gbuffer.ids.end(), make_pixel_id(1, 0)), 0);
@@ -111,10 +64,10 @@ TEST(PointsPass, SplatsCoverTheirArea) {
             const std::vector<ResidentNode> nodes = {
                 node_of({kMillimeters.offset + Vec3d(random.uniform(-0.3, 0.3), 1, random.uniform(-0.3, 0.3))}, kMillimeters)};
             const Camera camera = camera_north(Projection::perspective);
-            const size_t square = drawn(draw(nodes, camera, {.shape = SplatShape::square, .fixed_px = size}));
+            const size_t square = drawn(draw_points(nodes, camera, {.shape = SplatShape::square, .fixed_px = size}));
             EXPECT_EQ(square, size_t(size * size));
             squares += double(square);
-            discs += double(drawn(draw(nodes, camera, {.shape = SplatShape::disc, .fixed_px = size})));
+            discs += double(drawn(draw_points(nodes, camera, {.shape = SplatShape::disc, .fixed_px = size})));
         }
         if (size >= 3) EXPECT_NEAR(discs / squares, 3.14159 / 4, 0.03) << size;  // 200 random places
     }
@@ -124,7 +77,7 @@ TEST(PointsPass, SplatsCoverTheirArea) {
 TEST(PointsPass, AdaptiveSizesFollowSpacingAndDepth) {
     for (const double depth : {1.0, 2.0}) {
         const std::vector<ResidentNode> nodes = {node_of({kMillimeters.offset + Vec3d(0, depth, 0)}, kMillimeters)};
-        const GBuffer gbuffer = draw(nodes, camera_north(Projection::perspective), {.shape = SplatShape::square});
+        const GBuffer gbuffer = draw_points(nodes, camera_north(Projection::perspective), {.shape = SplatShape::square});
         EXPECT_NEAR(std::sqrt(double(drawn(gbuffer))), 20 / depth, 0.5);
         EXPECT_EQ(*std::max_element(gbuffer.splat_px.begin(), gbuffer.splat_px.end()), uint8_t(20 / depth));
     }
@@ -135,7 +88,7 @@ TEST(PointsPass, ParaboloidsMeetHalfway) {
     const std::vector<ResidentNode> nodes = {
         node_of({kMillimeters.offset + Vec3d(-0.05, 1, 0), kMillimeters.offset + Vec3d(0.05, 1, 0)}, kMillimeters)};
     for (const Projection projection : {Projection::perspective, Projection::orthographic}) {
-        const GBuffer gbuffer = draw(nodes, camera_north(projection), {.shape = SplatShape::paraboloid, .fixed_px = 20});
+        const GBuffer gbuffer = draw_points(nodes, camera_north(projection), {.shape = SplatShape::paraboloid, .fixed_px = 20});
         size_t right = 0;
         for (uint32_t x = 0; x < kWidth; ++x) {
             const PixelId id = gbuffer.ids[50 * kWidth + x];
@@ -161,7 +114,7 @@ TEST(PointsPass, ParaboloidsLieInTheirPlane) {
     const Vec3d scaled = 127 * normal;
     nodes[0].shapes.assign(positions.size(), PointShape{.spacing = 0.15f, .normal = {int8_t(std::lround(scaled.x())), int8_t(std::lround(scaled.y())), 0}});
     for (const Projection projection : {Projection::perspective, Projection::orthographic}) {
-        const GBuffer gbuffer = draw(nodes, camera_north(projection), {});
+        const GBuffer gbuffer = draw_points(nodes, camera_north(projection), {});
         size_t seen = 0, wrong = 0;
         for (uint32_t y = 0; y < kHeight; ++y)
             for (uint32_t x = 0; x < kWidth; ++x) {
@@ -185,48 +138,32 @@ TEST(PointsPass, ParaboloidsLieInTheirPlane) {
     }
 }
 
-std::vector<ResidentNode> random_nodes(const Quantization& quantization) {
-    Random random(4);
-    std::vector<ResidentNode> nodes;
-    for (int n = 0; n < 5; ++n) {
-        std::vector<Vec3d> positions;
-        for (int i = 0; i < 20000; ++i)
-            positions.push_back(quantization.offset + Vec3d(random.uniform(-3, 3), random.uniform(1, 6), random.uniform(-2, 2)));
-        nodes.push_back(node_of(positions, quantization));
-        for (size_t i = 0; i < positions.size(); i += 2)  // the others lie in no plane
-            nodes.back().shapes[i] = {.spacing = float(random.uniform(0.01, 0.1)),
-                                      .normal = {int8_t(int(random.bits() % 127) - 63), int8_t(int(random.bits() % 127) - 63), int8_t(random.bits() % 63 + 1)}};
-    }
-    return nodes;
-}
-
-bool equal(const GBuffer& a, const GBuffer& b) {
-    return a.colors == b.colors && a.depths == b.depths && a.ids == b.ids && a.splat_px == b.splat_px;
-}
-
+// Neither threads nor strips.
 TEST(PointsPass, ThreadsDoNotShow) {
     const std::vector<ResidentNode> nodes = random_nodes(kMillimeters);
-    for (const SplatShape shape : {SplatShape::square, SplatShape::disc, SplatShape::paraboloid}) {
+    for (const SplatShape shape : kShapes) {
         const SplatStyle style = {.shape = shape, .fixed_px = shape == SplatShape::square ? 1.0f : 0.0f};
-        const GBuffer one = draw(nodes, camera_north(Projection::perspective), style, 1);
-        EXPECT_TRUE(equal(one, draw(nodes, camera_north(Projection::perspective), style, 2)));
-        EXPECT_TRUE(equal(one, draw(nodes, camera_north(Projection::perspective), style, 7)));
+        const GBuffer one = draw_points(nodes, camera_north(Projection::perspective), style, 1);
+        EXPECT_TRUE(equal(one, draw_points(nodes, camera_north(Projection::perspective), style, 2)));
+        EXPECT_TRUE(equal(one, draw_points(nodes, camera_north(Projection::perspective), style, 7)));
+        EXPECT_TRUE(equal(one, draw_points(nodes, camera_north(Projection::perspective), style, 3, kMillimeters, best_simd_level(), 7)));
     }
 }
 
 // Every shape and both projections, through each compiled kernel; sizes from one pixel to many.
 TEST(PointsPass, InstructionSetsDoNotShow) {
-    const std::vector<ResidentNode> nodes = random_nodes(kMillimeters);
+    std::vector<ResidentNode> nodes = random_nodes(kMillimeters);
+    nodes.resize(1);
     for (const Projection projection : {Projection::perspective, Projection::orthographic})
-        for (const SplatShape shape : {SplatShape::square, SplatShape::disc, SplatShape::paraboloid})
+        for (const SplatShape shape : kShapes)
             for (const float fixed_px : {0.0f, 1.0f, 2.6f, 4.0f, 30.0f}) {
                 const SplatStyle style = {.shape = shape, .fixed_px = fixed_px};
                 Camera camera = camera_north(projection);
                 camera.height = 4;
-                const GBuffer plain = draw(nodes, camera, style, 1, kMillimeters, SimdLevel::baseline);
+                const GBuffer plain = draw_points(nodes, camera, style, 1, kMillimeters, SimdLevel::baseline);
                 EXPECT_GT(drawn(plain), 1000u);
                 for (const SimdLevel level : simd_levels())
-                    EXPECT_TRUE(equal(plain, draw(nodes, camera, style, 2, kMillimeters, level))) << name_of(level) << ' ' << fixed_px;
+                    EXPECT_TRUE(equal(plain, draw_points(nodes, camera, style, 2, kMillimeters, level))) << name_of(level) << ' ' << fixed_px;
             }
 }
 
@@ -257,9 +194,9 @@ TEST(PointsPass, ADyadicTranslationDoesNotShow) {
         Camera camera = camera_north(projection);
         camera.eye = here.offset + Vec3d(0.25, -0x1p-10, 0x3p-10);
         camera.height = 4;
-        const GBuffer first = draw(nodes, camera, {}, 2, here);
+        const GBuffer first = draw_points(nodes, camera, {}, 2, here);
         camera.eye += Vec3d::Constant(0x1p20);
-        EXPECT_TRUE(equal(first, draw(nodes, camera, {}, 2, there)));
+        EXPECT_TRUE(equal(first, draw_points(nodes, camera, {}, 2, there)));
         EXPECT_GT(drawn(first), 10000u);
     }
 }
@@ -278,8 +215,8 @@ TEST(PointsPass, AFarEyeSeesTheSame) {
     camera.view_from_world = look_along(-camera.eye, {0, 0, 1});
     camera.fov_rad = 0.01;
     const std::vector<ResidentNode> narrow = {node_of(positions, coarse)}, wide = {node_of(positions, fine)};
-    const GBuffer first = draw(narrow, camera, {.fixed_px = 2}, 1, coarse);
-    EXPECT_TRUE(equal(first, draw(wide, camera, {.fixed_px = 2}, 1, fine)));
+    const GBuffer first = draw_points(narrow, camera, {.fixed_px = 2}, 1, coarse);
+    EXPECT_TRUE(equal(first, draw_points(wide, camera, {.fixed_px = 2}, 1, fine)));
     EXPECT_GT(drawn(first), 1000u);
 }
 
