@@ -13,6 +13,7 @@
 #include "render/pass/edl_kernel.h"
 #include "render/pass/fill_kernel.h"
 #include "render/pass/fill_pass.h"
+#include "render/pass/ssao_pass.h"
 #include "render/sample_sums.h"
 #include "render/stream/node_loader.h"
 #include "render/stream/point_cut.h"
@@ -140,10 +141,12 @@ struct Renderer::Gl {
     explicit Gl(int threads) : context(threads), edl(context) {}
 
     FillPass& fill_pass() { return fill ? *fill : fill.emplace(context); }
+    SsaoPass& ssao_pass() { return ssao ? *ssao : ssao.emplace(context); }
 
     EglContext context;
     EdlPass edl;
     std::optional<FillPass> fill;  // made when a frame first fills holes
+    std::optional<SsaoPass> ssao;  // or occludes
 };
 
 // Kept from frame to frame: fresh memory costs more than what is written to it.
@@ -233,7 +236,7 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     for (const PointNode& node : nodes) report.points_drawn += node.points->size();
     watch.lap("cut");
 
-    if (edl_reach + fill_reach > 0) {
+    if (edl_reach + fill_reach + ssao_reach > 0) {
         start_gl(settings.threads);
         watch.lap("gl start");
         if (edl_reach > 0) report.edl_by = gl_ ? "gl" : "cpu";
@@ -270,7 +273,10 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
                 watch.lap("fill");
             }
             if (ssao_reach > 0) {
-                ssao.shade(gbuffer, settings.ssao, camera, settings.height, settings.threads);
+                if (gl_)
+                    gl_->ssao_pass().shade(gbuffer, settings.ssao, camera, settings.height);
+                else
+                    ssao.shade(gbuffer, settings.ssao, camera, settings.height, settings.threads);
                 watch.lap("ssao");
             }
             finished = std::span(gbuffer.colors).subspan(skip, count);

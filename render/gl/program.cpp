@@ -13,7 +13,7 @@ namespace {
 std::string first_line(std::string log) { return log.substr(0, log.find('\n')); }
 
 uint32_t compile(GLenum stage, std::string_view file) {
-    const std::string_view source = shader_source(file);
+    const std::string source = whole_shader_source(file);
     const char* const text = source.data();
     const GLint length = GLint(source.size());
     const uint32_t shader = glCreateShader(stage);

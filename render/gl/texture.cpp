@@ -18,6 +18,7 @@ TexelLayout layout_of(TexelFormat format) {
         case TexelFormat::rgba8: return {GL_RGBA8, GL_RGBA, GL_UNSIGNED_BYTE};
         case TexelFormat::r8: return {GL_R8, GL_RED, GL_UNSIGNED_BYTE};
         case TexelFormat::r32f: return {GL_R32F, GL_RED, GL_FLOAT};
+        case TexelFormat::rgba32f: return {GL_RGBA32F, GL_RGBA, GL_FLOAT};
         case TexelFormat::rgba32ui: return {GL_RGBA32UI, GL_RGBA_INTEGER, GL_UNSIGNED_INT};
     }
     return {};

@@ -6,7 +6,7 @@
 namespace strata {
 
 /// Texel formats that passes use.
-enum class TexelFormat { rgba8, r8, r32f, rgba32ui };
+enum class TexelFormat { rgba8, r8, r32f, rgba32f, rgba32ui };
 
 /// A two-dimensional texture without mipmaps, read texel by texel. Owns its GL name; the context must be current.
 class Texture {

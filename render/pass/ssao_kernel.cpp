@@ -8,50 +8,19 @@
 #include "core/parallel.h"
 #include "core/simd_target.h"
 #include "render/pass/edl_settings.h"
+#include "render/pass/ssao_directions.h"
 #include "render/srgb.h"
 
 namespace strata {
 namespace {
 
 constexpr size_t kBlockRows = 8;
-constexpr int kPhases = 4;             // rows after which directions repeat
-constexpr int kSteps = 10;
-constexpr float kStepRatio = 1.5f;
 constexpr float kFullRadius = 0.6f;    // share of the radius within which occluders count in full
 constexpr float kRelief = 0.05f;        // pixels of height, and
 constexpr float kSplatRelief = 0.05f;   // splats of height, that do not occlude: what smoothing leaves of the samples' relief
 constexpr float kBlurDepth = 2.0f;     // pixels of height off a pixel's plane, and
 constexpr float kBlurSplats = 1.0f;    // splats, from which on another pixel is on another surface
 constexpr int kBlurRows = 2;           // above and below
-
-// A sample of the half surface, as seen from a pixel.
-struct Offset {
-    int x, y;
-    float length_px;  // in pixels of the whole picture
-};
-struct Direction {
-    float x, y;  // length 1
-    std::array<Offset, kSteps> offsets;
-};
-
-// Two slices at right angles, each looked along both ways: +0, -0, +1, -1. Directions and distances turn with the row.
-std::array<Direction, 4> directions_of(int phase) {
-    std::array<Direction, 4> directions;
-    const double angle = 0.5 * std::numbers::pi * (phase + 0.5) / kPhases;
-    for (int i = 0; i < 4; ++i) {
-        const double turned = angle + (i / 2 == 1 ? 0.5 * std::numbers::pi : 0.0) + (i % 2 == 1 ? std::numbers::pi : 0.0);
-        Direction& direction = directions[size_t(i)];
-        direction.x = float(std::cos(turned));
-        direction.y = float(std::sin(turned));
-        double length = std::pow(kStepRatio, (2 * phase + 3 * (i / 2)) % 4 / 4.0);
-        for (Offset& offset : direction.offsets) {
-            const int x = int(std::lround(length * direction.x)), y = int(std::lround(length * direction.y));
-            offset = {x, y, 2.0f * float(std::hypot(x, y))};
-            length = std::max(length * kStepRatio, length + 1.0);
-        }
-    }
-    return directions;
-}
 
 // atan for any value. source: Abramowitz and Stegun 4.4.49, error 1e-5
 inline float arc_tangent(float x) {
@@ -106,7 +75,7 @@ inline float light(float horizon, float cosine, float sine) {
 
 // Visibility from the highest slopes of two slices.
 inline void integrate(const RowValues& row, const float* __restrict slope_x, const float* __restrict slope_y, const RowView& view,
-               const std::array<Direction, 4>& directions, int width, float* __restrict out) {
+               const SsaoDirections& directions, int width, float* __restrict out) {
     const float* __restrict const h0 = row.highest[0].data();
     const float* __restrict const h1 = row.highest[1].data();
     const float* __restrict const h2 = row.highest[2].data();
@@ -156,7 +125,7 @@ struct Stage {
     bool perspective;
     Vec2f pixel_world;
     uint32_t height_px;
-    const std::array<std::array<Direction, 4>, kPhases>& directions;
+    const std::array<SsaoDirections, kSsaoPhases>& directions;
 };
 
 // The even or the odd pixels of a row of the picture, and what the samples around them say. [width of the half surface]
@@ -253,10 +222,10 @@ inline void occlude_rows(const Stage& stage, int begin, int end, float* open) {
             row.inverse_square[size_t(x)] = 1.0f / (radius_px * radius_px);
         }
         const int half_row = surface.first_row() + y;  // of the whole picture: strips do not show
-        const auto& turned = stage.directions[size_t(half_row % kPhases)];
+        const auto& turned = stage.directions[size_t(half_row % kSsaoPhases)];
         for (size_t i = 0; i < turned.size(); ++i) {
             std::fill(row.highest[i].begin(), row.highest[i].end(), 0.0f);
-            for (const Offset& offset : turned[i].offsets)
+            for (const SsaoOffset& offset : turned[i].offsets)
                 look(nearness, scale, &surface.slope_x[first], &surface.slope_y[first], row.rise.data(), row.least.data(),
                      row.inverse_square.data(), offset.y * ptrdiff_t(surface.stride()) + offset.x, 2.0f * float(offset.x),
                      2.0f * float(offset.y), offset.length_px, width, row.highest[i].data());
@@ -348,8 +317,7 @@ void SsaoKernel::shade(GBuffer& gbuffer, const SsaoSettings& settings, const Cam
     surface_.build(gbuffer, camera, height_px, threads);
     open_.resize(surface_.nearness.size());
     blurred_.resize(surface_.nearness.size());
-    std::array<std::array<Direction, 4>, kPhases> directions;
-    for (int phase = 0; phase < kPhases; ++phase) directions[size_t(phase)] = directions_of(phase);
+    const std::array<SsaoDirections, kSsaoPhases> directions = ssao_directions();
     const Stage stage = {surface_, gbuffer, settings.radius, camera.projection == Projection::perspective,
                          pixel_world_size(camera, height_px), height_px, directions};
     const Kernels kernels = kernels_of(level);

@@ -36,12 +36,7 @@ vec2 pair_response(ivec2 texel, ivec2 step_px, float depth, float unit) {
     return vec2(clamp(seen_a, 0.0, most_response) + clamp(seen_b, 0.0, most_response), 2.0);
 }
 
-vec3 linear_from_srgb(vec3 c) {
-    return mix(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, lessThanEqual(c, vec3(0.04045)));
-}
-vec3 srgb_from_linear(vec3 c) {
-    return mix(1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, 12.92 * c, lessThanEqual(c, vec3(0.0031308)));
-}
+#include "srgb.glsl"
 
 void main() {
     const ivec2 texel = ivec2(gl_FragCoord.xy);

@@ -60,12 +60,7 @@ Side trace(ivec2 texel, float own_depth, float own_splat, ivec2 direction, float
     return side;
 }
 
-vec3 linear_from_srgb(vec3 c) {
-    return mix(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, lessThanEqual(c, vec3(0.04045)));
-}
-vec3 srgb_from_linear(vec3 c) {
-    return mix(1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, 12.92 * c, lessThanEqual(c, vec3(0.0031308)));
-}
+#include "srgb.glsl"
 
 void main() {
     const ivec2 texel = ivec2(gl_FragCoord.xy);
