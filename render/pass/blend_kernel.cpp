@@ -65,7 +65,7 @@ struct SplatLight {
     uint64_t value_at(const PointBlock&, size_t i, float x, float y) const {
         const SplatHit hit = splat_at<SplatShape::paraboloid, perspective>(view, block, i, x, y, inverse_unit);
         const uint64_t value = uint64_t{std::bit_cast<uint32_t>(hit.key)} << 32 | weight_of(std::min(1.0f, hit.square));  // 1 where points that are not seen give NaN
-        return hit.covered ? value : 0;
+        return hit.covered != 0 ? value : 0;
     }
 
     // Whether depth(key) <= depth(front) + radius, without a division.

@@ -158,7 +158,7 @@ inline float key_on_plane(const PointProjection& view, float key, float rise_px,
 struct SplatHit {
     float key;     // of the splat there
     float square;  // of the distance from its center in its plane, in radii; about so for small ones
-    bool covered;
+    int32_t covered;  // 0 or 1; GCC 12 keeps a bool in memory, which costs the vector code
 };
 
 /// What a splat is at the pixel whose center lies (x, y) from the splat's. Plain arithmetic without a jump, so that loops around it become
@@ -167,13 +167,13 @@ struct SplatHit {
 template <SplatShape shape, bool perspective>
 inline SplatHit splat_at(const PointProjection& view, const PointBlock& block, size_t i, float x, float y, float inverse_unit) {
     const float key = block.key[i];
-    if constexpr (shape == SplatShape::square) return {key, 0.0f, true};
+    if constexpr (shape == SplatShape::square) return {key, 0.0f, 1};
     const float radius = 0.5f * block.size_px[i];
     const float inverse_square = 1.0f / (radius * radius);
     const bool round = radius > kLeastRound;
     if constexpr (shape == SplatShape::disc) {
         const float square = (x * x + y * y) * inverse_square;
-        return {key, square, square <= 1.0f || !round};
+        return {key, square, (square <= 1.0f) | !round};
     }
     const float rise = block.slope_x[i] * x + block.slope_y[i] * y;
     if constexpr (shape == SplatShape::surfel) {
@@ -186,14 +186,14 @@ inline SplatHit splat_at(const PointProjection& view, const PointBlock& block, s
         const bool own = (x > -0.5f) & (x <= 0.5f) & (y > -0.5f) & (y <= 0.5f);  // the pixel of the center, even edge-on
         // Outside of the disc its plane may be anywhere; no part of the disc is farther from its center than a radius.
         const float within = inside ? rise : std::min(std::max(rise, -radius), radius);
-        return {std::max(key_on_plane<perspective>(view, key, within, inverse_unit), kLeastKey), square * inverse_square, inside || own || !round};
+        return {std::max(key_on_plane<perspective>(view, key, within, inverse_unit), kLeastKey), square * inverse_square, inside | own | !round};
     }
     const float square = (x * x + y * y + rise * rise) * inverse_square;
     // Behind the plane the key falls with the square of the distance, by a depth of one radius at the rim, at most to half.
     const float fall = std::min(radius * inverse_unit, 0.5f) * square;
     const float on_plane = key_on_plane<perspective>(view, key, rise, inverse_unit);
     const float behind = perspective ? on_plane - on_plane * fall : on_plane + view.key_scale * fall;
-    return {round ? std::max(behind, kLeastKey) : key, square, square <= 1.0f || !round};
+    return {round ? std::max(behind, kLeastKey) : key, square, (square <= 1.0f) | !round};
 }
 
 }  // namespace strata

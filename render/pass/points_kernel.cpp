@@ -49,7 +49,7 @@ struct SplatWords {
     uint64_t value_at(const PointBlock& block, size_t i, float x, float y) const {
         const SplatHit hit = splat_at<shape, perspective>(view, block, i, x, y, inverse_unit);
         const uint64_t word = make_word(hit.key, rank + uint32_t(i));
-        return hit.covered ? word : 0;
+        return hit.covered != 0 ? word : 0;
     }
     void put(size_t pixel, uint64_t word, size_t) { raise(words[pixel], word); }
 };
