@@ -2,6 +2,7 @@
 
 #include <epoxy/gl.h>
 
+#include <array>
 #include <string>
 
 #include "core/error.h"
@@ -41,12 +42,19 @@ Program::Program(std::string_view vertex_file, std::string_view fragment_file) {
         glDeleteShader(vertex);
         throw;
     }
+    link(std::array{vertex, fragment}, fragment_file);
+}
+
+Program::Program(std::string_view compute_file) {
+    link(std::array{compile(GL_COMPUTE_SHADER, compute_file)}, compute_file);
+}
+
+// Takes the shaders over.
+void Program::link(std::span<const uint32_t> shaders, std::string_view file) {
     name_ = glCreateProgram();
-    glAttachShader(name_, vertex);
-    glAttachShader(name_, fragment);
+    for (const uint32_t shader : shaders) glAttachShader(name_, shader);
     glLinkProgram(name_);
-    glDeleteShader(vertex);
-    glDeleteShader(fragment);
+    for (const uint32_t shader : shaders) glDeleteShader(shader);
     GLint linked = GL_FALSE;
     glGetProgramiv(name_, GL_LINK_STATUS, &linked);
     if (linked == GL_TRUE) return;
@@ -55,12 +63,14 @@ Program::Program(std::string_view vertex_file, std::string_view fragment_file) {
     glGetProgramInfoLog(name_, GLsizei(log.size()), &log_size, log.data());
     glDeleteProgram(name_);
     log.resize(size_t(log_size));
-    throw Error(ErrorKind::device, "OpenGL: " + std::string(fragment_file) + ": " + first_line(log));
+    throw Error(ErrorKind::device, "OpenGL: " + std::string(file) + ": " + first_line(log));
 }
 
 Program::~Program() { glDeleteProgram(name_); }
 
 void Program::use() const { glUseProgram(name_); }
+void Program::dispatch(uint32_t columns, uint32_t rows) { glDispatchCompute(columns, rows, 1); }
+void Program::finish_writes() { glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT); }
 void Program::set(int location, int32_t value) const { glProgramUniform1i(name_, location, value); }
 void Program::set(int location, float value) const { glProgramUniform1f(name_, location, value); }
 void Program::set(int location, int32_t x, int32_t y) const { glProgramUniform2i(name_, location, x, y); }
