@@ -20,7 +20,7 @@ static_assert(kBlendPixelBytes == sizeof(LightSum));
 PointsPass::PointsPass() = default;
 PointsPass::~PointsPass() = default;
 
-void PointsPass::clear(uint32_t width, uint32_t first_row, uint32_t rows, int threads) {
+WordRows PointsPass::resize(uint32_t width, uint32_t first_row, uint32_t rows) {
     stride_ = width + PixelRows::kPadding;
     const size_t needed = size_t(stride_) * rows;
     if (needed > capacity_) {
@@ -32,7 +32,12 @@ void PointsPass::clear(uint32_t width, uint32_t first_row, uint32_t rows, int th
     width_ = width;
     first_row_ = first_row;
     rows_ = rows;
-    parallel_blocks(threads, needed, 1 << 17,
+    return {{stride_, width_, first_row_, rows_, *locks_}, words_.get()};
+}
+
+void PointsPass::clear(uint32_t width, uint32_t first_row, uint32_t rows, int threads) {
+    resize(width, first_row, rows);
+    parallel_blocks(threads, size_t(stride_) * rows, 1 << 17,
                     [&](size_t begin, size_t end) { std::fill(words_.get() + begin, words_.get() + end, uint64_t{0}); });
 }
 

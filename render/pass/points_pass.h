@@ -13,6 +13,7 @@ namespace strata {
 
 class BandLocks;
 struct LightSum;
+struct WordRows;
 
 /// Squares and discs face the viewer and have the depth of their center. A paraboloid lies in the plane of the surface
 /// around its point, where that is known (PointShape), and falls back from it by its radius at the rim: so of splats that
@@ -50,13 +51,16 @@ struct PointNode {
 
 /// Rasterizes points into one 64-bit word a pixel, depth key above the complement of the point's rank: the largest word
 /// wins, so that equal depths go to the lower rank and neither threads nor the order of drawing show.
-/// The compute-shader twin of the pass fills the same words.
+/// PointsGlPass fills the same words.
 class PointsPass {
 public:
     PointsPass();
     ~PointsPass();
 
-    /// Empties the words of rows [first_row, first_row + rows) of a picture. Keeps its memory for the next time.
+    /// Words of rows [first_row, first_row + rows) of a picture, whatever they hold: for PointsGlPass. Keeps its memory for the
+    /// next time.
+    WordRows resize(uint32_t width, uint32_t first_row, uint32_t rows);
+    /// The same, empty.
     void clear(uint32_t width, uint32_t first_row, uint32_t rows, int threads);
 
     /// Draws into the rows that were cleared, once: Gaussian splats are then blended over what is nearest.

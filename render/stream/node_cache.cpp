@@ -38,13 +38,14 @@ void NodeCache::load_one(std::unique_lock<std::mutex>& lock) {
     const NodeRequest request = queue_.top();
     queue_.pop();
     reading_.emplace(request.id, request);
-    ++reads_begun_;
+    const uint64_t serial = ++reads_begun_;
     lock.unlock();
     ResidentNode node;
     std::string failure;
     std::exception_ptr broken;
     try {
         node = load_(request);
+        node.serial = serial;
     } catch (const Error& error) {
         failure = error.what();
     } catch (...) {

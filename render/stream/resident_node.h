@@ -48,11 +48,13 @@ struct ResidentNode {
     std::vector<uint8_t> passes;   // the filter; empty: all pass
     std::vector<PackedNormal> normals;  // the points' own, the largest number 127, good to a quarter of a degree; empty unless asked for
 
+    uint64_t serial = 0;  // of the read that brought it, in its cache; 0: none, so that it is not known again
     ShapeGrid local_shape;  // measured once, among the node's points and those above it
     bool shape_measured = false;
     /// By the finest node drawn at each point's place, for the last set of drawn nodes: shapes_from, in ascending order.
     std::vector<PointShape> shapes;
     std::vector<NodeId> shapes_from;
+    uint64_t shapes_version = 1;  // raised when they change
 
     size_t size() const { return x.size(); }
 };

@@ -114,6 +114,7 @@ void update_shapes(const LayeredCloud& cloud, std::span<const NodeId> nodes, std
                 node.shapes[i] = shape;
             }
             node.shapes_from = std::move(below[slot]);
+            ++node.shapes_version;
         }
     });
 }
