@@ -13,6 +13,7 @@
 #include "render/pass/edl_kernel.h"
 #include "render/pass/fill_kernel.h"
 #include "render/pass/fill_pass.h"
+#include "render/pass/points_kernel.h"
 #include "render/pass/ssao_pass.h"
 #include "render/sample_sums.h"
 #include "render/stream/node_loader.h"
@@ -25,6 +26,7 @@ namespace {
 constexpr uint64_t kPixelBytes = 60;    // word, G-buffer, finished row, and the passes' planes and textures
 constexpr uint64_t kSamplePixelBytes = 52;  // more with several samples: sums, and a G-buffer for those after the first
 constexpr uint64_t kStripPixels = 8 << 20;
+constexpr uint64_t kGpuShare = 4;  // the GPU's rasterizer takes this part of the memory cap of the GPU's memory
 
 // Adds the time since the last call to a row of the report.
 class Stopwatch {
@@ -137,16 +139,22 @@ void fill_background(std::span<Rgba8> colors, Rgba8 background, int threads) {
 
 }  // namespace
 
+// Passes are made when a frame first needs them.
 struct Renderer::Gl {
-    explicit Gl(int threads) : context(threads), edl(context) {}
+    explicit Gl(int threads) : context(threads), software(context.is_software()) {}
 
+    PointsGlPass& points_pass() { return points ? *points : points.emplace(context); }
+    EdlPass& edl_pass() { return edl ? *edl : edl.emplace(context); }
     FillPass& fill_pass() { return fill ? *fill : fill.emplace(context); }
     SsaoPass& ssao_pass() { return ssao ? *ssao : ssao.emplace(context); }
 
     EglContext context;
-    EdlPass edl;
-    std::optional<FillPass> fill;  // made when a frame first fills holes
-    std::optional<SsaoPass> ssao;  // or occludes
+    bool software;
+    bool points_refused = false;  // by the driver
+    std::optional<PointsGlPass> points;
+    std::optional<EdlPass> edl;
+    std::optional<FillPass> fill;
+    std::optional<SsaoPass> ssao;
 };
 
 // Kept from frame to frame: fresh memory costs more than what is written to it.
@@ -161,14 +169,43 @@ struct Renderer::Buffers {
 Renderer::Renderer() : buffers_(std::make_unique<Buffers>()) {}
 Renderer::~Renderer() = default;
 
+void Renderer::forget_cloud() {
+    resident_.reset();
+    if (gl_ && gl_->points) gl_->points->forget_nodes();
+}
+
 // Starts GL where a GPU runs it, once. On software GL lighting takes longer than the points.
 void Renderer::start_gl(int threads) {
-    if (std::exchange(gl_tried_, true) || !may_have_gpu()) return;
+    if (std::exchange(gl_tried_, true) || gl_ || !may_have_gpu()) return;
     try {
         gl_ = std::make_unique<Gl>(threads);
-        if (gl_->context.is_software()) gl_.reset();
+        if (gl_->software) gl_.reset();
     } catch (const Error& error) {
         if (error.kind != ErrorKind::device) throw;
+    }
+}
+
+// None: the CPU rasterizes.
+PointsGlPass* Renderer::gpu_rasterizer(const RenderSettings& settings) {
+    if (settings.rasterizer == Rasterizer::cpu) return nullptr;
+    const bool draws = PointsGlPass::draws(settings.splat);
+    if (settings.rasterizer == Rasterizer::gpu) {
+        if (!draws) throw Error(ErrorKind::unsupported, "the rasterizer gpu does not draw splats of this shape; cpu does");
+        try {
+            if (!gl_) gl_ = std::make_unique<Gl>(settings.threads);
+            return &gl_->points_pass();
+        } catch (const Error& error) {
+            throw error.within("the rasterizer gpu");
+        }
+    }
+    start_gl(settings.threads);
+    if (!gl_ || gl_->software || gl_->points_refused || !draws) return nullptr;
+    try {
+        return &gl_->points_pass();
+    } catch (const Error& error) {
+        if (error.kind != ErrorKind::device) throw;
+        gl_->points_refused = true;
+        return nullptr;
     }
 }
 
@@ -182,10 +219,17 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     RenderReport report;
     Stopwatch watch(report);
 
+    PointsGlPass* const gpu = gpu_rasterizer(settings);
+    report.rasterizer = gpu != nullptr ? Rasterizer::gpu : Rasterizer::cpu;
+    const uint64_t uploaded_before = gpu != nullptr ? gpu->uploaded_bytes() : 0;
+    // Of the GPU's memory, which is the program's own with software GL.
+    const uint64_t gpu_bytes = gpu != nullptr ? settings.memory_bytes / kGpuShare : 0;
+    if (gl_) watch.lap("gl start");
+
     const bool normals = settings.splat.shape == SplatShape::surfel;
     const ResidencySettings residency = {settings.color, settings.colormap, settings.range, settings.filter, normals, settings.threads};
     if (!resident_ || !resident_->is_for(cloud, residency)) {
-        resident_.reset();  // its memory first
+        forget_cloud();  // its memory first
         resident_ = std::make_unique<ResidentCloud>(cloud, residency);
     }
     watch.lap("load");
@@ -195,9 +239,9 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     // Each pass needs the finished rows that the next one looks at.
     const int reach = fill_reach + ssao_reach + edl_reach;
     SelectionSettings selection_settings = settings.selection;
-    const uint64_t strip_bytes = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach)) * pixel_bytes(settings);
+    const uint64_t used_bytes = (gpu != nullptr && gl_->software ? gpu_bytes : 0) + uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach)) * pixel_bytes(settings);
     const ClipRegion clip(settings.clips, cloud.info().quantization);
-    selection_settings.memory_bytes = settings.memory_bytes - std::min(settings.memory_bytes, strip_bytes);
+    selection_settings.memory_bytes = settings.memory_bytes - std::min(settings.memory_bytes, used_bytes);
     // With a filter every node is copied, as those are that a clip box cuts.
     const bool filtered = !settings.filter.everything();
     const uint64_t normal_bytes = normals ? kResidentNormalBytes : 0, cut_bytes = kCutPointBytes + normal_bytes;
@@ -239,8 +283,9 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     if (edl_reach + fill_reach + ssao_reach > 0) {
         start_gl(settings.threads);
         watch.lap("gl start");
-        if (edl_reach > 0) report.edl_by = gl_ ? "gl" : "cpu";
     }
+    Gl* const gl_passes = gl_ && !gl_->software ? gl_.get() : nullptr;
+    if (edl_reach > 0) report.edl_by = gl_passes != nullptr ? "gl" : "cpu";
     if (gl_) report.gl_renderer = gl_->context.renderer();
 
     // Depths and identities are those of the first sample, which lies in the middle of the pixel.
@@ -257,24 +302,28 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
             const Vec2f offset_px = sample_offset_px(sample, settings.samples);
             projection.center_x -= offset_px.x();
             projection.center_y -= offset_px.y();
-            pass.clear(settings.width, row - above, above + rows + below, settings.threads);
-            watch.lap("clear");
-            pass.draw(nodes, projection, settings.splat, settings.threads);
+            if (gpu != nullptr) {
+                gpu->draw(pass.resize(settings.width, row - above, above + rows + below), nodes, projection, settings.splat, gpu_bytes);
+            } else {
+                pass.clear(settings.width, row - above, above + rows + below, settings.threads);
+                watch.lap("clear");
+                pass.draw(nodes, projection, settings.splat, settings.threads);
+            }
             watch.lap("points");
             const ResolveOptions wanted = {.splat_px = fill_reach + ssao_reach > 0 || (edl_reach > 0 && settings.edl.follow_splats), .ids = settings.with_ids && sample == 0};
             pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
             restore_indices(gbuffer.ids, cut);
             watch.lap("resolve");
             if (fill_reach > 0) {
-                if (gl_)
-                    gl_->fill_pass().fill(gbuffer, settings.fill, camera, settings.height);
+                if (gl_passes != nullptr)
+                    gl_passes->fill_pass().fill(gbuffer, settings.fill, camera, settings.height);
                 else
                     fill_holes(gbuffer, settings.fill, camera, settings.height, settings.threads);
                 watch.lap("fill");
             }
             if (ssao_reach > 0) {
-                if (gl_)
-                    gl_->ssao_pass().shade(gbuffer, settings.ssao, camera, settings.height);
+                if (gl_passes != nullptr)
+                    gl_passes->ssao_pass().shade(gbuffer, settings.ssao, camera, settings.height);
                 else
                     ssao.shade(gbuffer, settings.ssao, camera, settings.height, settings.threads);
                 watch.lap("ssao");
@@ -282,8 +331,8 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
             finished = std::span(gbuffer.colors).subspan(skip, count);
             if (edl_reach > 0) {
                 shaded.resize(count);
-                if (gl_)
-                    gl_->edl.shade(gbuffer, settings.edl, camera, settings.height, above, rows, shaded);
+                if (gl_passes != nullptr)
+                    gl_passes->edl_pass().shade(gbuffer, settings.edl, camera, settings.height, above, rows, shaded);
                 else
                     shade_edl(gbuffer, settings.edl, camera, settings.height, above, rows, settings.threads, shaded);
                 finished = shaded;
@@ -301,6 +350,7 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
         watch.lap("output");
     }
     if (report.points_drawn > 0) ms_per_point_ = (watch.total_ms() - loaded_ms) / double(report.points_drawn);
+    if (gpu != nullptr) report.uploaded_bytes = gpu->uploaded_bytes() - uploaded_before;
     report.frame_ms = watch.total_ms();
     return report;
 }

@@ -14,6 +14,7 @@
 #include "render/gbuffer.h"
 #include "render/pass/edl_pass.h"
 #include "render/pass/fill_settings.h"
+#include "render/pass/points_gl_pass.h"
 #include "render/pass/points_pass.h"
 #include "render/pass/ssao_kernel.h"
 #include "render/point_color.h"
@@ -21,12 +22,16 @@
 
 namespace strata {
 
+/// Who rasterizes points: the two draw the same picture. automatic: a compute shader where there is a GPU that takes it, else the CPU
+enum class Rasterizer { automatic, cpu, gpu };
+
 struct RenderSettings {
     uint32_t width = 1920, height = 1080;
     ColorChannel color;
     std::string colormap;              // empty: the channel's own
     std::optional<ColorRange> range;   // none: derived from the cloud
     SplatStyle splat;
+    Rasterizer rasterizer = Rasterizer::automatic;
     SelectionSettings selection;       // what concerns memory and clip is set by render_frame
     std::vector<ClipBox> clips;
     PointFilter filter;                // made for the cloud
@@ -58,6 +63,8 @@ struct RenderReport {
     uint64_t nodes_missing = 0;  // that are still to come: the next frame of this view is better
     double error_px = 0.0;  // what the picture is off by, from selection
     BoundBy bound_by = BoundBy::error;
+    Rasterizer rasterizer = Rasterizer::cpu;  // what drew the points: never automatic
+    uint64_t uploaded_bytes = 0;  // of points, to the GPU's memory
     std::string gl_renderer;  // empty: no GL was needed
     std::string edl_by;       // what lit the picture: "cpu" or "gl"; empty: nothing did
     double frame_ms = 0.0;
@@ -66,8 +73,8 @@ struct RenderReport {
 };
 
 /// Draws frames. Keeps from one frame to the next the GL context and its programs, made when a pass first needs them, and
-/// the nodes in memory, as long as cloud, colors and filter stay the same. Where there is no GPU, eye-dome lighting is a CPU
-/// kernel and needs no GL.
+/// the nodes in memory, as long as cloud, colors and filter stay the same. Where there is no GPU, all is done on the CPU and
+/// needs no GL, unless the rasterizer `gpu` is asked for: then a software GL runs its shader, and the other passes are the CPU's.
 class Renderer {
 public:
     Renderer();
@@ -76,12 +83,13 @@ public:
     /// Draws the cloud as the camera sees it and hands out the picture from top to bottom, a strip at a time.
     /// The pixels depend on neither threads nor strips, nor, if it waits, on what is in memory. A node that cannot be read is
     /// left out, so that its parent shows, and is reported once. The cloud must outlive the renderer or forget_cloud.
-    /// throws  Error{usage} for a camera or size that cannot be, and for surfels of a cloud without normals
+    /// throws  Error{usage} for a camera or size that cannot be, and for surfels of a cloud without normals; for the rasterizer `gpu` Error{device} where there is no GL,
+    ///         and Error{unsupported} for a splat shape that it does not draw
     RenderReport render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
                               const std::function<void(const RenderedRows&)>& on_rows);
 
     /// Drops the nodes in memory and stops reading.
-    void forget_cloud() { resident_.reset(); }
+    void forget_cloud();
     /// Bytes of nodes in memory or on their way, and the nodes that were read, of the cloud at hand.
     uint64_t resident_bytes() const { return resident_ ? resident_->cache().used_bytes() : 0; }
     uint64_t nodes_read() const { return resident_ ? resident_->cache().reads_begun() : 0; }
@@ -90,9 +98,10 @@ private:
     struct Buffers;
     struct Gl;
     void start_gl(int threads);
+    PointsGlPass* gpu_rasterizer(const RenderSettings& settings);
 
     std::unique_ptr<Buffers> buffers_;
-    std::unique_ptr<Gl> gl_;  // none: not started, or of no use
+    std::unique_ptr<Gl> gl_;  // none: not started, or of no use. On software GL only for the rasterizer that was asked for
     bool gl_tried_ = false;
     std::unique_ptr<ResidentCloud> resident_;
     std::optional<Camera> last_camera_;

@@ -37,6 +37,7 @@ constexpr OptionRow kRows[] = {
     {"--point-size", "", "adaptive|PIXELS", "adaptive", "diameter of a point; adaptive: from the spacing of the points, so that surfaces close"},
     {"--min-point-size", "", "PIXELS", "1", "least diameter of adaptive sizes"},
     {"--max-point-size", "", "PIXELS", "255", "largest diameter of adaptive sizes, at most 256"},
+    {"--rasterizer", "", "auto|cpu|gpu", "auto", "what draws the points; both draw the same picture. gpu: a compute shader, also of software OpenGL; auto: gpu where there is one"},
     {"--error", "", "PIXELS", "1", "detail: points left out lie this near to drawn ones"},
     {"--budget", "", "POINTS", "20000000", "most points to draw; the root is always drawn"},
     {"--clip", "", "BOX[;BOX...]", "", "draw only what is in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units, faces included; a number left out is open. Views are framed around the boxes"},
@@ -167,6 +168,14 @@ SplatStyle parse_splat(const Options& options) {
     return splat;
 }
 
+Rasterizer parse_rasterizer(const Options& options) {
+    const std::string name = options.text("--rasterizer");
+    if (name == "auto") return Rasterizer::automatic;
+    if (name == "cpu") return Rasterizer::cpu;
+    if (name == "gpu") return Rasterizer::gpu;
+    refuse("--rasterizer", "auto, cpu or gpu", name);
+}
+
 Vec3d vector_of(const Options& options, std::string_view flag) {
     const std::vector<double> values = options.numbers(flag, 3);
     return {values[0], values[1], values[2]};
@@ -286,6 +295,7 @@ void check_render_options(const Options& options) {
     parse_ssao(options);
     parse_edl(options.text("--edl"));
     parse_splat(options);
+    parse_rasterizer(options);
     parse_fov(options);
     if (options.given("--colormap")) Colormap(options.text("--colormap"));  // refuses names that it does not know
     if (options.given("--range")) options.numbers("--range", 2);
@@ -325,6 +335,7 @@ RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
     settings.fill = parse_fill(options);
     settings.edl = parse_edl(options.text("--edl"));
     settings.splat = parse_splat(options);
+    settings.rasterizer = parse_rasterizer(options);
     settings.selection.error_px = options.number("--error");
     settings.selection.point_budget = uint64_t(options.integer("--budget", 1, 0xfffffffe));
     settings.tile_rows = uint32_t(options.integer("--tile", 0, kLargestSide));

@@ -1,4 +1,4 @@
-// The CPU rasterizer, beside GL_POINTS on the same machine and beside reading the points' bytes and nothing more. STRATA_BENCH_SET
+// The rasterizers, beside GL_POINTS on the same machine and beside reading the points' bytes and nothing more. STRATA_BENCH_SET
 // names a Potree set: strata sample scan.las --points 50000000, strata convert scan.las set. At 1920 x 1080, its usual view.
 #include <benchmark/benchmark.h>
 #include <epoxy/gl.h>
@@ -16,6 +16,8 @@
 #include "render/named_view.h"
 #include "render/pass/edl_kernel.h"
 #include "render/pass/edl_pass.h"
+#include "render/pass/points_gl_pass.h"
+#include "render/pass/points_kernel.h"
 #include "render/pass/points_pass.h"
 #include "render/stream/resident_cloud.h"
 #include "render/stream/shape_field.h"
@@ -122,6 +124,31 @@ void draw(benchmark::State& state, bool few, SplatStyle style, SimdLevel level) 
     if (checksum(drawn) != checksum(expected)) state.SkipWithError("another picture");
 }
 
+// By the compute shader on whatever GL there is, with emptying the words and reading them back. Points are in its memory before.
+void draw_gpu(benchmark::State& state, bool few, SplatStyle style) {
+    const View* const v = view(state, few);
+    if (v == nullptr) return;
+    const int threads = default_thread_count();
+    const PointProjection projection = v->projection();
+    const EglContext context(threads);
+    state.SetLabel(context.renderer());
+    PointsGlPass gpu(context);
+    PointsPass pass;
+    const WordRows words = pass.resize(kWidth, 0, kHeight);
+    const auto draw_all = [&] { gpu.draw(words, v->nodes, projection, style, uint64_t{1} << 30); };
+    draw_all();  // compiles, and brings the points
+    const uint64_t uploaded = gpu.uploaded_bytes();
+    for (auto _ : state) draw_all();
+    report(state, *v);
+    if (gpu.uploaded_bytes() != uploaded) return state.SkipWithError("points are brought again");
+    GBuffer drawn, expected;
+    pass.resolve(v->nodes, projection, style, {.ids = true}, threads, drawn);
+    pass.clear(kWidth, 0, kHeight, threads);
+    pass.draw(v->nodes, projection, style, threads);
+    pass.resolve(v->nodes, projection, style, {.ids = true}, threads, expected);
+    if (context.is_software() && checksum(drawn) != checksum(expected)) state.SkipWithError("another picture");
+}
+
 void resolve(benchmark::State& state, bool splat_px) {
     const View* const v = view(state, true);
     if (v == nullptr) return;
@@ -166,6 +193,8 @@ BENCHMARK_CAPTURE(edl, gl, true)->ArgName("threads")->Arg(2)->UseRealTime()->Uni
 
 const int kRegistered = [] {
     const SplatStyle pixel = {.shape = SplatShape::square, .fixed_px = 1.0f}, disc = {.shape = SplatShape::disc, .fixed_px = 3.0f};
+    for (const auto& [name, few, style] : {std::tuple("draw_gpu/1px", false, pixel), {"draw_gpu/discs_3px", false, disc}, {"draw_gpu/frame", true, SplatStyle{}}})
+        benchmark::RegisterBenchmark(name, draw_gpu, few, style)->UseRealTime()->Unit(benchmark::kMillisecond);
     for (const SimdLevel level : {SimdLevel::baseline, SimdLevel::avx2, SimdLevel::avx512}) {
         const std::string with = "/" + std::string(name_of(level));
         for (const auto& [name, few, style] : {std::tuple("draw/1px", false, pixel), {"draw/discs_3px", false, disc}, {"draw/frame", true, SplatStyle{}}})

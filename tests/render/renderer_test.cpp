@@ -44,9 +44,8 @@ struct Frame {
     std::vector<PixelId> ids;
 };
 
-Frame render(TestCloud& cloud, const Camera& camera, const RenderSettings& settings) {
+Frame render(TestCloud& cloud, const Camera& camera, const RenderSettings& settings, Renderer&& renderer = Renderer()) {
     Frame frame;
-    Renderer renderer;
     frame.report = renderer.render_frame(cloud, camera, settings, [&](const RenderedRows& rows) {
         EXPECT_EQ(size_t(rows.first_row) * settings.width, frame.colors.size());
         frame.colors.insert(frame.colors.end(), rows.colors.begin(), rows.colors.end());
@@ -70,7 +69,7 @@ void expect_strips_and_threads_do_not_show(RenderSettings settings, const std::v
         const Frame whole = render(cloud, camera, settings);
         EXPECT_EQ(whole.report.points_drawn, 20000u);
         EXPECT_EQ(whole.report.edl_by.empty(), settings.edl.strength == 0.0f);
-        EXPECT_EQ(whole.report.gl_renderer.empty(), whole.report.edl_by != "gl");
+        EXPECT_EQ(whole.report.gl_renderer.empty(), whole.report.edl_by != "gl" && whole.report.rasterizer == Rasterizer::cpu);
         for (const uint32_t rows : strips) {
             settings.tile_rows = rows;
             settings.threads = rows == 7 ? 7 : 1;
@@ -79,6 +78,47 @@ void expect_strips_and_threads_do_not_show(RenderSettings settings, const std::v
             EXPECT_EQ(whole.depths, tiled.depths) << rows;
         }
     }
+}
+
+// The frames of both rasterizers are equal with software GL. One that was drawn before brings no point to the GPU, but those that
+// a clip box cuts out; a cloud that is forgotten is brought anew.
+TEST(Renderer, ARasterizerOnTheGpuKeepsItsPoints) {
+    TestCloud cloud = hill_cloud();
+    RenderSettings settings = settings_of(cloud);
+    settings.with_ids = true;
+    const Camera camera = view_of(cloud, "iso", Projection::perspective, 0.8, settings);
+    Renderer renderer;
+    const auto uploaded = [&] {
+        settings.rasterizer = Rasterizer::gpu;
+        const Frame gpu = render(cloud, camera, settings, std::move(renderer));
+        EXPECT_EQ(gpu.report.rasterizer, Rasterizer::gpu);
+        settings.rasterizer = Rasterizer::cpu;
+        const Frame cpu = render(cloud, camera, settings, std::move(renderer));
+        EXPECT_EQ(cpu.report.rasterizer, Rasterizer::cpu);
+        EXPECT_EQ(cpu.report.uploaded_bytes, 0u);
+        if (gpu.report.gl_renderer.find("llvmpipe") != std::string::npos) {
+            EXPECT_EQ(gpu.colors, cpu.colors);
+            EXPECT_EQ(gpu.depths, cpu.depths);
+            EXPECT_EQ(gpu.ids, cpu.ids);
+        }
+        return gpu.report.uploaded_bytes;
+    };
+    try {
+        EXPECT_EQ(uploaded(), 20000u * 20);
+    } catch (const Error& error) {
+        ASSERT_EQ(error.kind, ErrorKind::device);
+        GTEST_SKIP() << error.what();
+    }
+    EXPECT_EQ(uploaded(), 0u);
+    settings.clips = {{.box = {.min = Vec3d(6e5 + 20, -1e9, -1e9), .max = Vec3d::Constant(1e9)}}};
+    const uint64_t cut = uploaded();
+    EXPECT_GT(cut, 10000u * 20);
+    EXPECT_LT(cut, 20000u * 20);
+    EXPECT_EQ(uploaded(), cut);
+    settings.clips.clear();
+    EXPECT_EQ(uploaded(), 0u);
+    renderer.forget_cloud();
+    EXPECT_EQ(uploaded(), 20000u * 20);
 }
 
 TEST(Renderer, StripsAndThreadsDoNotShow) {
