@@ -109,6 +109,9 @@ uint64_t pixel_bytes(const RenderSettings& settings) {
     return kPixelBytes + (settings.samples > 1 ? kSamplePixelBytes : 0) + (settings.splat.shape == SplatShape::gaussian ? kBlendPixelBytes : 0);
 }
 
+// Of the GPU's memory.
+uint64_t gpu_pixel_bytes(const SplatStyle& splat) { return sizeof(uint64_t) + (splat.shape == SplatShape::gaussian ? kBlendPixelBytes : 0); }
+
 uint32_t choose_strip_rows(const RenderSettings& settings) {
     if (settings.tile_rows > 0) return std::min(settings.tile_rows, settings.height);
     const uint64_t pixels = std::clamp<uint64_t>(settings.memory_bytes / 4 / pixel_bytes(settings), settings.width, kStripPixels);
@@ -188,9 +191,7 @@ void Renderer::start_gl(int threads) {
 // None: the CPU rasterizes.
 PointsGlPass* Renderer::gpu_rasterizer(const RenderSettings& settings) {
     if (settings.rasterizer == Rasterizer::cpu) return nullptr;
-    const bool draws = PointsGlPass::draws(settings.splat);
     if (settings.rasterizer == Rasterizer::gpu) {
-        if (!draws) throw Error(ErrorKind::unsupported, "the rasterizer gpu does not draw splats of this shape; cpu does");
         try {
             if (!gl_) gl_ = std::make_unique<Gl>(settings.threads);
             return &gl_->points_pass();
@@ -199,7 +200,7 @@ PointsGlPass* Renderer::gpu_rasterizer(const RenderSettings& settings) {
         }
     }
     start_gl(settings.threads);
-    if (!gl_ || gl_->software || gl_->points_refused || !draws) return nullptr;
+    if (!gl_ || gl_->software || gl_->points_refused) return nullptr;
     try {
         return &gl_->points_pass();
     } catch (const Error& error) {
@@ -239,7 +240,8 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     // Each pass needs the finished rows that the next one looks at.
     const int reach = fill_reach + ssao_reach + edl_reach;
     SelectionSettings selection_settings = settings.selection;
-    const uint64_t used_bytes = (gpu != nullptr && gl_->software ? gpu_bytes : 0) + uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach)) * pixel_bytes(settings);
+    const uint64_t strip_pixels = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach));
+    const uint64_t used_bytes = strip_pixels * pixel_bytes(settings) + (gpu != nullptr && gl_->software ? gpu_bytes + strip_pixels * gpu_pixel_bytes(settings.splat) : 0);
     const ClipRegion clip(settings.clips, cloud.info().quantization);
     selection_settings.memory_bytes = settings.memory_bytes - std::min(settings.memory_bytes, used_bytes);
     // With a filter every node is copied, as those are that a clip box cuts.
@@ -303,7 +305,9 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
             projection.center_x -= offset_px.x();
             projection.center_y -= offset_px.y();
             if (gpu != nullptr) {
-                gpu->draw(pass.resize(settings.width, row - above, above + rows + below), nodes, projection, settings.splat, gpu_bytes);
+                const WordRows words = pass.resize(settings.width, row - above, above + rows + below);
+                LightSum* const light = settings.splat.shape == SplatShape::gaussian ? pass.resize_sums() : nullptr;
+                gpu->draw(words, light, nodes, projection, settings.splat, gpu_bytes);
             } else {
                 pass.clear(settings.width, row - above, above + rows + below, settings.threads);
                 watch.lap("clear");

@@ -83,8 +83,7 @@ public:
     /// Draws the cloud as the camera sees it and hands out the picture from top to bottom, a strip at a time.
     /// The pixels depend on neither threads nor strips, nor, if it waits, on what is in memory. A node that cannot be read is
     /// left out, so that its parent shows, and is reported once. The cloud must outlive the renderer or forget_cloud.
-    /// throws  Error{usage} for a camera or size that cannot be, and for surfels of a cloud without normals; for the rasterizer `gpu` Error{device} where there is no GL,
-    ///         and Error{unsupported} for a splat shape that it does not draw
+    /// throws  Error{usage} for a camera or size that cannot be, and for surfels of a cloud without normals; for the rasterizer `gpu` Error{device} where there is no GL
     RenderReport render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
                               const std::function<void(const RenderedRows&)>& on_rows);
 

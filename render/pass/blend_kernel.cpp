@@ -14,17 +14,7 @@ namespace {
 
 constexpr int kCodes = 256;
 
-// Light of 8-bit codes, and the code nearest to each light: what is encoded and averaged with its like comes back exactly.
-const std::array<uint32_t, kCodes>& light_of_codes() {
-    static const std::array<uint32_t, kCodes> table = [] {
-        std::array<uint32_t, kCodes> light;
-        for (size_t code = 0; code < kCodes; ++code)
-            light[code] = uint32_t(std::lround(linear_from_srgb8()[code] * float(LightSum::kFullLight)));
-        return light;
-    }();
-    return table;
-}
-
+// The code nearest to each light: what is encoded and averaged with its like comes back exactly.
 const std::vector<uint8_t>& codes_of_light() {
     static const std::vector<uint8_t> table = [] {
         std::vector<uint8_t> codes(LightSum::kFullLight + 1);
@@ -110,6 +100,16 @@ STRATA_KERNEL_AVX512 void blend_avx512(const BlendRows& target, const PointNode&
 }
 
 }  // namespace
+
+const std::array<uint32_t, kCodes>& light_of_codes() {
+    static const std::array<uint32_t, kCodes> table = [] {
+        std::array<uint32_t, kCodes> light;
+        for (size_t code = 0; code < kCodes; ++code)
+            light[code] = uint32_t(std::lround(linear_from_srgb8()[code] * float(LightSum::kFullLight)));
+        return light;
+    }();
+    return table;
+}
 
 BlendPoints blend_kernel(SimdLevel level) {
     switch (level) {

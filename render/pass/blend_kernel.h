@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -19,6 +20,9 @@ struct LightSum {
 
     uint64_t red, green, blue, weight;
 };
+
+/// Light of 8-bit codes, of LightSum::kFullLight.
+const std::array<uint32_t, 256>& light_of_codes();
 
 /// Words that are complete, and the sums of their pixels.
 struct BlendRows {

@@ -130,14 +130,14 @@ inline void surfel_block(const PointProjection& view, const PackedNormal* normal
         const float unit = square > 0.0f ? 1.0f / std::sqrt(square) : 0.0f;
         const float forward = square > 0.0f ? unit * (view.forward[0] * nx + view.forward[1] * ny + view.forward[2] * nz) : 1.0f;
         const float radius = 0.5f * out.size_px[i], angle = perspective ? radius * inverse_unit : 0.0f;
-        const float divisor = std::max(1.0f - angle * angle * (1.0f - forward * forward), 0.25f);
+        const float divisor = std::max(1.0f - angle * angle * (1.0f - forward * forward), 0.25f), inverse = 1.0f / divisor;
         const auto reach = [&](const std::array<float, 3>& axis, float position_px, float& low, float& high) {
             const float aside = perspective ? position_px * inverse_unit : 0.0f;
             const float m = unit * (axis[0] * nx + axis[1] * ny + axis[2] * nz) - aside * forward;
             const float shift = -radius * angle * (aside + m * forward);
             const float half = std::sqrt(std::max(shift * shift + divisor * radius * radius * (1.0f + aside * aside - m * m), 0.0f));
-            low = std::min(std::max((half + shift) / divisor, 0.5f), kSurfelReach * radius);
-            high = std::min(std::max((half - shift) / divisor, 0.5f), kSurfelReach * radius);
+            low = std::min(std::max((half + shift) * inverse, 0.5f), kSurfelReach * radius);
+            high = std::min(std::max((half - shift) * inverse, 0.5f), kSurfelReach * radius);
             // Small ones are drawn as squares.
             low = radius > kLeastRound ? low : radius;
             high = radius > kLeastRound ? high : radius;

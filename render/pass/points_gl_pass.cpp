@@ -9,6 +9,7 @@
 #include "render/gl/buffer.h"
 #include "render/gl/egl_context.h"
 #include "render/gl/program.h"
+#include "render/pass/blend_kernel.h"
 #include "render/pass/point_block.h"
 #include "render/pass/points_kernel.h"
 #include "render/stream/point_pool.h"
@@ -68,6 +69,9 @@ struct Piece {
     bool wide;
 };
 
+// Times that the points are gone through, as points.comp has them.
+enum class Stage { keys, ranks, light };
+
 using Row = std::array<uint32_t, 4>;  // chunk, points in it, rank of the first, flags
 
 }  // namespace
@@ -75,34 +79,31 @@ using Row = std::array<uint32_t, 4>;  // chunk, points in it, rank of the first,
 struct PointsGlPass::Resources {
     explicit Resources(const EglContext& context) : pool(context) {}
 
-    size_t bring(std::span<const Piece> pieces, bool shapes, uint64_t cap_bytes);
-    void dispatch(bool find_ranks);
+    size_t bring(std::span<const Piece> pieces, PointPool::Columns columns, uint64_t cap_bytes);
+    void dispatch(Stage stage);
 
     Program program{"points.comp"};
     PointPool pool;
     Buffer view{sizeof(View)};
-    std::optional<Buffer> words, rows;
+    std::optional<Buffer> lights;  // of color codes
+    std::optional<Buffer> words, sums, rows;
     std::vector<std::vector<Row>> page_rows;  // [page] what is there to draw
 };
 
 PointsGlPass::PointsGlPass(const EglContext& context) : resources_(std::make_unique<Resources>(context)) {}
 PointsGlPass::~PointsGlPass() = default;
 
-bool PointsGlPass::draws(const SplatStyle& style) {
-    return style.shape == SplatShape::square || style.shape == SplatShape::disc || style.shape == SplatShape::paraboloid;
-}
-
 void PointsGlPass::forget_nodes() { resources_->pool.clear(); }
 uint64_t PointsGlPass::uploaded_bytes() const { return resources_->pool.uploaded_bytes(); }
 
 // Brings as many as there is room for. returns how many: at least one of some
-size_t PointsGlPass::Resources::bring(std::span<const Piece> pieces, bool shapes, uint64_t cap_bytes) {
+size_t PointsGlPass::Resources::bring(std::span<const Piece> pieces, PointPool::Columns columns, uint64_t cap_bytes) {
     pool.release(cap_bytes);
     for (std::vector<Row>& of_page : page_rows) of_page.clear();
     size_t count = 0;
     for (PointPool::Place place; count < pieces.size(); ++count) {
         const auto& [node, first, wide] = pieces[count];
-        if (!pool.hold(*node->points, first, shapes, place)) break;
+        if (!pool.hold(*node->points, first, columns, place)) break;
         const uint32_t points = uint32_t(std::min<size_t>(PointPool::kChunkPoints, node->points->size() - first));
         if (page_rows.size() < pool.pages()) page_rows.resize(pool.pages());
         page_rows[place.page].push_back({place.chunk, points, node->first_rank + first, wide ? kWide : 0});
@@ -120,18 +121,23 @@ size_t PointsGlPass::Resources::bring(std::span<const Piece> pieces, bool shapes
 }
 
 // Draws what was brought.
-void PointsGlPass::Resources::dispatch(bool find_ranks) {
+void PointsGlPass::Resources::dispatch(Stage stage) {
     program.use();
     view.bind_uniforms(0);
+    if (lights) lights->bind_uniforms(1);
     rows->bind_storage(2);
     words->bind_storage(3);
-    program.set(1, int32_t(find_ranks));
+    if (sums) sums->bind_storage(6);
+    program.set(1, int32_t(stage));
     size_t first = 0;
     for (uint32_t page = 0; page < page_rows.size(); ++page) {
         const std::vector<Row>& of_page = page_rows[page];
         if (of_page.empty()) continue;
-        pool.page(page).positions.bind_storage(0);
-        pool.page(page).shapes.bind_storage(1);
+        const PointPool::Page& points = pool.page(page);
+        points.positions.bind_storage(0);
+        if (points.shapes) points.shapes->bind_storage(1);
+        if (points.normals) points.normals->bind_storage(4);
+        if (points.colors) points.colors->bind_storage(5);
         program.set(0, int32_t(first));
         Program::dispatch(PointPool::kChunkPoints / kGroupPoints, uint32_t(of_page.size()));
         first += of_page.size();
@@ -139,26 +145,38 @@ void PointsGlPass::Resources::dispatch(bool find_ranks) {
     Program::finish_writes();
 }
 
-void PointsGlPass::draw(const WordRows& target, std::span<const PointNode> nodes, const PointProjection& projection,
+void PointsGlPass::draw(const WordRows& target, LightSum* sums, std::span<const PointNode> nodes, const PointProjection& projection,
                         const SplatStyle& style, uint64_t cap_bytes) {
     Resources& gl = *resources_;
-    const bool shapes = style.fixed_px <= 0.0f;
-    const uint32_t most_rows = uint32_t(std::clamp<uint64_t>(kBandWords / target.rows.stride, 1, target.rows.rows));
-    const uint64_t row_bytes = uint64_t{target.rows.stride} * sizeof(uint64_t);
-    if (!gl.words || gl.words->size_bytes() < most_rows * row_bytes) {
-        gl.words.reset();
-        gl.words.emplace(most_rows * row_bytes);
+    const PixelRows& pixels = target.rows;
+    const bool blend = style.shape == SplatShape::gaussian;
+    const PointPool::Columns columns = {.shapes = style.fixed_px <= 0.0f, .normals = style.shape == SplatShape::surfel, .colors = blend};
+    const uint64_t most_words = blend ? kBandWords * sizeof(uint64_t) / sizeof(LightSum) : kBandWords;
+    const uint32_t most_rows = uint32_t(std::clamp<uint64_t>(most_words / pixels.stride, 1, pixels.rows));
+    const uint64_t row_bytes = uint64_t{pixels.stride} * sizeof(uint64_t), sum_bytes = uint64_t{pixels.stride} * sizeof(LightSum);
+    const auto make_room = [](std::optional<Buffer>& buffer, uint64_t bytes) {
+        if (buffer && buffer->size_bytes() >= bytes) return;
+        buffer.reset();
+        buffer.emplace(bytes);
+    };
+    make_room(gl.words, most_rows * row_bytes);
+    if (blend) {
+        make_room(gl.sums, most_rows * sum_bytes);
+        if (!gl.lights) {
+            gl.lights.emplace(sizeof light_of_codes());
+            gl.lights->write(0, light_of_codes().data(), gl.lights->size_bytes());
+        }
     }
-    cap_bytes -= std::min(cap_bytes, gl.words->size_bytes());
     View view = view_of(projection, style);
-    view.stride = target.rows.stride;
-    view.width = target.rows.width;
+    view.stride = pixels.stride;
+    view.width = pixels.width;
     std::vector<Piece> pieces;
-    for (uint32_t row = 0; row < target.rows.rows; row += most_rows) {
-        view.first_row = target.rows.first_row + row;
-        view.row_count = std::min(most_rows, target.rows.rows - row);
+    for (uint32_t row = 0; row < pixels.rows; row += most_rows) {
+        view.first_row = pixels.first_row + row;
+        view.row_count = std::min(most_rows, pixels.rows - row);
         gl.view.write(0, &view, sizeof view);
         gl.words->clear(view.row_count * row_bytes);
+        if (blend) gl.sums->clear(view.row_count * sum_bytes);
         pieces.clear();
         for (const PointNode& node : nodes) {
             if (node.bottom_row < float(view.first_row) || node.top_row >= float(view.first_row + view.row_count)) continue;
@@ -167,13 +185,17 @@ void PointsGlPass::draw(const WordRows& target, std::span<const PointNode> nodes
                 pieces.push_back({&node, uint32_t(first), wide});
         }
         size_t brought = 0;
-        for (const bool find_ranks : {false, true})
+        for (const Stage stage : {Stage::keys, Stage::ranks, Stage::light}) {
+            if (stage == Stage::light && !blend) continue;
             for (size_t begin = 0; begin < pieces.size(); begin += brought) {
                 // All that are drawn may still be there.
-                if (brought < pieces.size()) brought = gl.bring(std::span(pieces).subspan(begin), shapes, cap_bytes);
-                gl.dispatch(find_ranks);
+                if (brought < pieces.size()) brought = gl.bring(std::span(pieces).subspan(begin), columns, cap_bytes);
+                gl.dispatch(stage);
             }
-        gl.words->read(0, target.words + uint64_t{row} * target.rows.stride, view.row_count * row_bytes);
+        }
+        const uint64_t first_word = uint64_t{row} * pixels.stride;
+        gl.words->read(0, target.words + first_word, view.row_count * row_bytes);
+        if (blend) gl.sums->read(0, sums + first_word, view.row_count * sum_bytes);
     }
 }
 

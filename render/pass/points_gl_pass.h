@@ -9,6 +9,7 @@
 namespace strata {
 
 class EglContext;
+struct LightSum;
 struct WordRows;
 
 /// Rasterizes points with a compute shader: the twin of PointsPass::draw. Nodes stay in the GPU's memory from frame to frame.
@@ -19,15 +20,14 @@ public:
     explicit PointsGlPass(const EglContext& context);
     ~PointsGlPass();
 
-    /// Whether the shader draws such splats.
-    static bool draws(const SplatStyle& style);
-
     /// Draws into words, whatever they hold. Draws twice, for depths and then for ranks: OpenGL itself has no atomics of 64 bits.
-    /// cap_bytes  most GPU memory that points and words take, but for one chunk of points and 32 MiB; where a picture has more
-    ///            points than fit, they are brought for each of the two
+    /// Gaussian splats take a third time, for the sums of their light.
+    /// sums       as many as words, whatever they hold; for Gaussian splats alone, else nullptr
+    /// cap_bytes  most GPU memory that points take, but for one chunk of them; where a picture has more they are brought each time.
+    ///            Pixels take 8 bytes, those of Gaussian splats 40, and at most 64 MiB
     /// throws     Error{device} where the GPU has no room
-    void draw(const WordRows& target, std::span<const PointNode> nodes, const PointProjection& projection, const SplatStyle& style,
-              uint64_t cap_bytes);
+    void draw(const WordRows& target, LightSum* sums, std::span<const PointNode> nodes, const PointProjection& projection,
+              const SplatStyle& style, uint64_t cap_bytes);
 
     /// Drops the nodes in the GPU's memory: those to come are of another cloud.
     void forget_nodes();

@@ -64,21 +64,22 @@ void PointsPass::draw(std::span<const PointNode> nodes, const PointProjection& p
     each_unit([&](const Unit& unit) { draw_points(words, *unit.node, unit.begin, unit.end, projection, style); });
     if (style.shape != SplatShape::gaussian) return;
 
-    clear_sums(threads);
+    resize_sums();
+    parallel_blocks(threads, size_t(stride_) * rows_, 1 << 15,
+                    [&](size_t begin, size_t end) { std::fill(sums_.get() + begin, sums_.get() + end, LightSum{}); });
     const BlendRows sums = {rows, words_.get(), sums_.get()};
     const BlendPoints blend_points = blend_kernel(level);
     each_unit([&](const Unit& unit) { blend_points(sums, *unit.node, unit.begin, unit.end, projection, style); });
 }
 
-void PointsPass::clear_sums(int threads) {
+LightSum* PointsPass::resize_sums() {
     const size_t needed = size_t(stride_) * rows_;
     if (needed > sums_capacity_) {
         sums_.reset();
         sums_ = std::make_unique_for_overwrite<LightSum[]>(needed);
         sums_capacity_ = needed;
     }
-    parallel_blocks(threads, needed, 1 << 15,
-                    [&](size_t begin, size_t end) { std::fill(sums_.get() + begin, sums_.get() + end, LightSum{}); });
+    return sums_.get();
 }
 
 void PointsPass::resolve(std::span<const PointNode> nodes, const PointProjection& projection, const SplatStyle& style,

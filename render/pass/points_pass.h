@@ -60,7 +60,9 @@ public:
     /// Words of rows [first_row, first_row + rows) of a picture, whatever they hold: for PointsGlPass. Keeps its memory for the
     /// next time.
     WordRows resize(uint32_t width, uint32_t first_row, uint32_t rows);
-    /// The same, empty.
+    /// Sums of the pixels of as many rows with as much padding, which Gaussian splats are averaged from.
+    LightSum* resize_sums();
+    /// The words, empty.
     void clear(uint32_t width, uint32_t first_row, uint32_t rows, int threads);
 
     /// Draws into the rows that were cleared, once: Gaussian splats are then blended over what is nearest.
@@ -74,8 +76,6 @@ public:
                  const ResolveOptions& options, int threads, GBuffer& out, SimdLevel level = best_simd_level()) const;
 
 private:
-    void clear_sums(int threads);
-
     uint32_t width_ = 0, stride_ = 0, first_row_ = 0, rows_ = 0;
     size_t capacity_ = 0, sums_capacity_ = 0;  // words, sums
     std::unique_ptr<uint64_t[]> words_;

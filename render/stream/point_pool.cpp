@@ -2,16 +2,17 @@
 
 #include <algorithm>
 #include <iterator>
+#include <utility>
 
 namespace strata {
 namespace {
 
-constexpr uint32_t kPageChunks = 512;  // 20 MB: few draws for what lies in a page, and no more memory than a small cloud needs
+constexpr uint32_t kPageChunks = 512;  // 28 MB: few draws for what lies in a page, and no more memory than a small cloud needs
 
 static_assert(sizeof(PointShape) == 8, "points.comp reads a float and three bytes");
 
-uint32_t points_in(const ResidentNode& node, uint32_t first) {
-    return uint32_t(std::min<size_t>(PointPool::kChunkPoints, node.size() - first));
+uint64_t points_in(const ResidentNode& node, uint32_t first) {
+    return uint64_t(std::min<size_t>(PointPool::kChunkPoints, node.size() - first));
 }
 
 }  // namespace
@@ -52,41 +53,49 @@ bool PointPool::take_chunk() {
     return true;
 }
 
-void PointPool::upload_positions(const Place& place, const ResidentNode& node, uint32_t first) {
-    Buffer& positions = pages_[place.page].positions;
-    const uint64_t count = points_in(node, first) * sizeof(int32_t), column = kChunkPoints * sizeof(int32_t);
-    uint64_t offset = place.chunk * kChunkPoints * kPositionBytes;
-    for (const auto* quanta : {&node.x, &node.y, &node.z}) {
-        positions.write(offset, quanta->data() + first, count);
-        offset += column;
-        uploaded_bytes_ += count;
-    }
-}
-
-void PointPool::upload_shapes(Chunk& chunk, const ResidentNode& node, uint32_t first) {
-    const uint64_t count = points_in(node, first) * kShapeBytes;
-    pages_[chunk.place.page].shapes.write(chunk.place.chunk * kChunkPoints * kShapeBytes, node.shapes.data() + first, count);
-    chunk.shapes_version = node.shapes_version;
+void PointPool::upload(Buffer& to, uint64_t offset, const void* bytes, uint64_t count) {
+    to.write(offset, bytes, count);
     uploaded_bytes_ += count;
 }
 
-bool PointPool::hold(const ResidentNode& node, uint32_t first, bool shapes, Place& place) {
+void PointPool::upload_positions(const Place& place, const ResidentNode& node, uint32_t first) {
+    uint64_t offset = place.chunk * kChunkPoints * kPositionBytes;
+    for (const auto* quanta : {&node.x, &node.y, &node.z}) {
+        upload(pages_[place.page].positions, offset, quanta->data() + first, points_in(node, first) * sizeof(int32_t));
+        offset += kChunkPoints * sizeof(int32_t);
+    }
+}
+
+// bytes: of point `first`
+void PointPool::upload_column(std::optional<Buffer>& to, uint64_t point_bytes, const Place& place, const ResidentNode& node, uint32_t first,
+                              const void* bytes) {
+    if (!to) to.emplace(pages_[place.page].points * point_bytes);
+    upload(*to, place.chunk * kChunkPoints * point_bytes, bytes, points_in(node, first) * point_bytes);
+}
+
+bool PointPool::hold(const ResidentNode& node, uint32_t first, Columns columns, Place& place) {
     const Key key = {node.serial, first};
     const auto found = node.serial != 0 ? found_.find(key) : found_.end();
     if (found == found_.end()) {
         if (!take_chunk()) return false;
-        Chunk& chunk = chunks_.front();
-        chunk.key = key;
-        chunk.shapes_version = 0;
+        chunks_.front() = {.place = chunks_.front().place, .key = key};
         if (node.serial != 0) found_.emplace(key, chunks_.begin());
-        upload_positions(chunk.place, node, first);
-        if (shapes) upload_shapes(chunk, node, first);
+        upload_positions(chunks_.front().place, node, first);
     } else {
         chunks_.splice(chunks_.begin(), chunks_, found->second);
-        if (shapes && chunks_.front().shapes_version != node.shapes_version) upload_shapes(chunks_.front(), node, first);
     }
-    chunks_.front().last_held = releases_;
-    place = chunks_.front().place;
+    Chunk& chunk = chunks_.front();
+    Page& page = pages_[chunk.place.page];
+    if (columns.shapes && chunk.shapes_version != node.shapes_version) {
+        upload_column(page.shapes, kShapeBytes, chunk.place, node, first, &node.shapes[first]);
+        chunk.shapes_version = node.shapes_version;
+    }
+    if (columns.normals && !std::exchange(chunk.normals, true))
+        upload_column(page.normals, kNormalBytes, chunk.place, node, first, &node.normals[first]);
+    if (columns.colors && !std::exchange(chunk.colors, true))
+        upload_column(page.colors, kColorBytes, chunk.place, node, first, &node.colors[first]);
+    chunk.last_held = releases_;
+    place = chunk.place;
     return true;
 }
 

@@ -199,6 +199,7 @@ TEST_F(Render, RasterizersAgree) {
         {"--splat", "disc", "--view", "top", "--ortho", "--filter", "class=2,6", "--fill"},
         {"--splat", "square", "--point-size", "5", "--samples", "3", "--tile", "37", "--edl", "0.7"},
         {"--ortho", "--clip", ",,470,548040,,478", "--ssao"},
+        {"--splat", "gaussian"},
     };
     for (const std::vector<std::string>& words : pictures) {
         const ProgramResult gpu = render_by("gpu", words);

@@ -135,7 +135,7 @@ void draw_gpu(benchmark::State& state, bool few, SplatStyle style) {
     PointsGlPass gpu(context);
     PointsPass pass;
     const WordRows words = pass.resize(kWidth, 0, kHeight);
-    const auto draw_all = [&] { gpu.draw(words, v->nodes, projection, style, uint64_t{1} << 30); };
+    const auto draw_all = [&] { gpu.draw(words, nullptr, v->nodes, projection, style, uint64_t{1} << 30); };
     draw_all();  // compiles, and brings the points
     const uint64_t uploaded = gpu.uploaded_bytes();
     for (auto _ : state) draw_all();

@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/math/random.h"
 #include "render/gl/egl_context.h"
+#include "render/pass/blend_kernel.h"
 #include "render/pass/points_kernel.h"
 #include "render/stream/point_pool.h"
 
@@ -29,7 +30,9 @@ void add_point(ResidentNode& node, const Vec3i& quanta, const PointShape& shape)
     node.y.push_back(quanta.y());
     node.z.push_back(quanta.z());
     node.shapes.push_back(shape);
-    node.colors.push_back(0);
+    node.colors.push_back(0x12345678u * uint32_t(node.x.size()));
+    node.normals.push_back({int8_t(quanta.x() * 7), int8_t(quanta.y() * 5), node.x.size() % 3 == 0 ? int8_t(0) : int8_t(quanta.z() * 3)});
+    if (node.x.size() % 5 == 0) node.normals.back() = {};
 }
 
 PointShape random_shape(Random& random) {
@@ -87,6 +90,16 @@ std::vector<uint64_t> words_of(const WordRows& target) {
     return words;
 }
 
+std::vector<uint64_t> light_of(const PixelRows& rows, const LightSum* sums) {
+    std::vector<uint64_t> light;
+    for (size_t row = 0; sums != nullptr && row < rows.rows; ++row)
+        for (size_t column = 0; column < rows.width; ++column) {
+            const LightSum& sum = sums[row * rows.stride + column];
+            light.insert(light.end(), {sum.red, sum.green, sum.blue, sum.weight});
+        }
+    return light;
+}
+
 // One context and program for all tests: llvmpipe takes a second to compile it.
 class PointsGl : public testing::Test {
 protected:
@@ -109,7 +122,7 @@ protected:
     }
 
     struct Drawn {
-        std::vector<uint64_t> cpu, gpu;
+        std::vector<uint64_t> cpu, gpu, cpu_light, gpu_light;  // words, and sums of Gaussian splats
 
         size_t covered() const { return cpu.size() - size_t(std::count(cpu.begin(), cpu.end(), uint64_t{0})); }
     };
@@ -120,16 +133,19 @@ protected:
         pass.clear(width, first_row, rows, 2);
         pass.draw(list, projection, style, 2);
         const WordRows target = pass.resize(width, first_row, rows);
-        Drawn drawn = {.cpu = words_of(target)};
-        gpu_->draw(target, list, projection, style, cap_bytes);
+        LightSum* const light = style.shape == SplatShape::gaussian ? pass.resize_sums() : nullptr;
+        Drawn drawn = {.cpu = words_of(target), .cpu_light = light_of(target.rows, light)};
+        gpu_->draw(target, light, list, projection, style, cap_bytes);
         drawn.gpu = words_of(target);
+        drawn.gpu_light = light_of(target.rows, light);
         return drawn;
     }
     // Software GL divides and takes roots as IEEE 754 has it: every bit agrees. GPUs may be off by an ulp or two there, which takes
     // a splat over a pixel's edge or turns the order of two depths now and then.
     static void expect_equal(const Drawn& drawn) {
         if (context_->is_software()) {
-            EXPECT_EQ(drawn.cpu, drawn.gpu);
+            EXPECT_TRUE(drawn.cpu == drawn.gpu);
+            EXPECT_TRUE(drawn.cpu_light == drawn.gpu_light);
             return;
         }
         size_t others = 0;  // that show another point
@@ -146,7 +162,7 @@ protected:
 TEST_F(PointsGl, DrawsTheWordsOfTheCpu) {
     const std::vector<ResidentNode> nodes = random_nodes();
     for (const Projection projection : {Projection::perspective, Projection::orthographic})
-        for (const SplatShape shape : {SplatShape::square, SplatShape::disc, SplatShape::paraboloid})
+        for (const SplatShape shape : {SplatShape::square, SplatShape::disc, SplatShape::paraboloid, SplatShape::gaussian, SplatShape::surfel})
             for (const float fixed_px : {0.0f, 1.0f, 2.6f, 17.0f}) {
                 SCOPED_TRACE(testing::Message() << "projection " << int(projection) << ", shape " << int(shape) << ", " << fixed_px << " px");
                 Camera camera = camera_north(projection, kMillimeters.offset + Vec3d(0.0004, -0.00031, 0.01237));
@@ -160,7 +176,7 @@ TEST_F(PointsGl, DrawsTheWordsOfTheCpu) {
 TEST_F(PointsGl, TiesGoToTheLowerRank) {
     const std::vector<ResidentNode> nodes = tied_nodes();
     for (const Projection projection : {Projection::perspective, Projection::orthographic})
-        for (const auto& [shape, fixed_px] : {std::pair(SplatShape::square, 1.0f), {SplatShape::square, 0.0f}, {SplatShape::disc, 3.0f}, {SplatShape::paraboloid, 0.0f}}) {
+        for (const auto& [shape, fixed_px] : {std::pair(SplatShape::square, 1.0f), {SplatShape::square, 0.0f}, {SplatShape::disc, 3.0f}, {SplatShape::paraboloid, 0.0f}, {SplatShape::gaussian, 2.0f}}) {
             SCOPED_TRACE(testing::Message() << "projection " << int(projection) << ", shape " << int(shape) << ", " << fixed_px << " px");
             const Camera camera = camera_north(projection, kMillimeters.offset);
             const Drawn drawn = draw(nodes, {camera, kMillimeters, kWidth, kHeight}, {.shape = shape, .fixed_px = fixed_px});
@@ -177,11 +193,12 @@ TEST_F(PointsGl, DrawsPartsOfPictures) {
     PointProjection projection(camera_north(Projection::perspective, kMillimeters.offset), kMillimeters, 133, 91);
     projection.center_x -= 0.3125f;
     projection.center_y += 0.4375f;
-    for (const auto& [first_row, rows] : {std::pair(0u, 1u), {17u, 30u}, {90u, 1u}}) {
-        const Drawn drawn = draw(nodes, projection, {}, kAmple, 133, first_row, rows);
-        EXPECT_GT(drawn.covered(), 30u);
-        expect_equal(drawn);
-    }
+    for (const auto& [first_row, rows] : {std::pair(0u, 1u), {17u, 30u}, {90u, 1u}})
+        for (const SplatShape shape : {SplatShape::paraboloid, SplatShape::gaussian, SplatShape::surfel}) {
+            const Drawn drawn = draw(nodes, projection, {.shape = shape}, kAmple, 133, first_row, rows);
+            EXPECT_GT(drawn.covered(), 30u);
+            expect_equal(drawn);
+        }
 }
 
 // More words than are drawn at a time.
@@ -191,9 +208,11 @@ TEST_F(PointsGl, DrawsLargePicturesInBands) {
     for (int i = 0; i < 1000; ++i)
         add_point(nodes[0], {int32_t(random.uniform(-50000, 50000)), 2000, int32_t(random.uniform(-1000, 1000))}, {});
     const PointProjection projection(camera_north(Projection::perspective, kMillimeters.offset), kMillimeters, 16384, 300);
-    const Drawn drawn = draw(nodes, projection, {.fixed_px = 9}, kAmple, 16384, 0, 300);
-    EXPECT_GT(drawn.covered(), 10000u);
-    expect_equal(drawn);
+    for (const auto& [shape, rows] : {std::pair(SplatShape::disc, 300u), {SplatShape::gaussian, 100u}}) {
+        const Drawn drawn = draw(nodes, projection, {.shape = shape, .fixed_px = 9}, kAmple, 16384, 100, rows);
+        EXPECT_GT(drawn.covered(), 10000u);
+        expect_equal(drawn);
+    }
 }
 
 // Differences of quanta beyond 32 bits: a far eye, and an eye at the other end of the quanta's range. Among them are some that lie
@@ -233,8 +252,8 @@ TEST_F(PointsGl, AByteCapDoesNotShow) {
     std::vector<ResidentNode> nodes = random_nodes();
     for (size_t i = 0; i < nodes.size(); i += 2) nodes[i].serial = i + 1;
     const PointProjection projection(camera_north(Projection::perspective, kMillimeters.offset), kMillimeters, kWidth, kHeight);
-    const uint64_t words = 2 << 20;  // more than the picture's
-    for (const uint64_t chunks : {1, 2, 5}) expect_equal(draw(nodes, projection, {}, words + chunks * PointPool::kChunkBytes));
+    for (const uint64_t chunks : {1, 2, 5}) expect_equal(draw(nodes, projection, {}, chunks * PointPool::kChunkBytes));
+    expect_equal(draw(nodes, projection, {.shape = SplatShape::gaussian}, 0));
 }
 
 TEST_F(PointsGl, AStillPictureUploadsNothing) {
@@ -255,6 +274,10 @@ TEST_F(PointsGl, AStillPictureUploadsNothing) {
     for (PointShape& shape : nodes[1].shapes) shape.spacing *= 2;
     ++nodes[1].shapes_version;
     EXPECT_EQ(uploaded({}), kNodePoints * 8);
+    // So are colors, and normals.
+    EXPECT_EQ(uploaded({.shape = SplatShape::gaussian}), points * 4);
+    EXPECT_EQ(uploaded({.shape = SplatShape::surfel}), points * 3);
+    EXPECT_EQ(uploaded({.shape = SplatShape::gaussian}), 0u);
     // Another read of a node, and nodes that are made for one frame.
     nodes[0].serial = 9;
     EXPECT_EQ(uploaded({.fixed_px = 2}), kNodePoints * 12);
@@ -277,7 +300,7 @@ TEST_F(PointsGl, ThePoolForgetsTheLeastRecentlyHeld) {
     const auto brings = [&](const ResidentNode& node) {
         const uint64_t before = pool.uploaded_bytes();
         pool.release(2 * PointPool::kChunkBytes);
-        EXPECT_TRUE(pool.hold(node, 0, false, place));
+        EXPECT_TRUE(pool.hold(node, 0, {}, place));
         return pool.uploaded_bytes() != before;
     };
     EXPECT_TRUE(brings(nodes[0]));
@@ -288,9 +311,9 @@ TEST_F(PointsGl, ThePoolForgetsTheLeastRecentlyHeld) {
     EXPECT_TRUE(brings(nodes[1]));
     // What is held stays, though there is no room for more.
     pool.release(2 * PointPool::kChunkBytes);
-    EXPECT_TRUE(pool.hold(nodes[0], 0, false, place));
-    EXPECT_TRUE(pool.hold(nodes[1], 0, false, place));
-    EXPECT_FALSE(pool.hold(nodes[2], 0, false, place));
+    EXPECT_TRUE(pool.hold(nodes[0], 0, {}, place));
+    EXPECT_TRUE(pool.hold(nodes[1], 0, {}, place));
+    EXPECT_FALSE(pool.hold(nodes[2], 0, {}, place));
 }
 
 }  // namespace
