@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "io/byte_source.h"
+#include "io/copc/copc_cloud.h"
 #include "io/las/laz_source.h"
 #include "io/merged_source.h"
 #include "io/potree/potree_cloud.h"
@@ -20,7 +21,7 @@ namespace fs = std::filesystem;
 constexpr std::array kFormats = {
     Format{"las", "LAS 1.0 to 1.4, point formats 0 to 10", ".las", FormatKind::points, true},
     Format{"laz", "LAZ, compressed LAS, point formats 0 to 10", ".laz", FormatKind::points, false},
-    Format{"copc", "COPC, a LAZ file with an octree, read as LAZ", ".copc.laz", FormatKind::points, false},
+    Format{"copc", "COPC 1.0, a LAZ file with an octree", ".copc.laz", FormatKind::layered, false},
     Format{"potree", "Potree 2.0, a folder with metadata.json", "", FormatKind::layered, true},
     Format{"3dtiles", "3D Tiles, tileset.json or .pnts", ".json .pnts", FormatKind::not_readable, false},
     Format{"ept", "Entwine Point Tiles, a folder with ept.json", "", FormatKind::not_readable, false},
@@ -95,7 +96,8 @@ const Format& identify_bytes(const ByteSource& source) {
 
 std::unique_ptr<PointSource> open_points_file(const std::string& path) {
     const Format& format = identify_format(path);
-    if (format.kind != FormatKind::points) refuse(path, format, "a plain file of points");
+    const bool is_plain = format.kind == FormatKind::points || format.name == "copc";  // its points are those of a LAZ file
+    if (!is_plain) refuse(path, format, "a plain file of points");
     return open_las(open_file(path));
 }
 
@@ -140,6 +142,7 @@ std::unique_ptr<PointSource> open_points(std::span<const std::string> paths) {
 std::unique_ptr<LayeredCloud> open_layered(const std::string& path) {
     const Format& format = identify_format(path);
     if (format.kind != FormatKind::layered) refuse(path, format, "a level-of-detail data set");
+    if (format.name == "copc") return open_copc(open_file(path));
     return open_potree(path);
 }
 

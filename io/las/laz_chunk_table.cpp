@@ -16,10 +16,6 @@ constexpr uint64_t kPointerBytes = 8;      // offset of the table, before the fi
 constexpr uint64_t kTableHeaderBytes = 8;  // version, count
 constexpr uint64_t kAtEndOfFile = UINT64_MAX;
 
-// A point takes at least the symbol that says what changed, whose model gives no symbol more than 1 - 63/2^15 of the interval:
-// 0.0028 bits.
-constexpr uint64_t kMostPointsPerByte = 4096;
-
 std::string number(uint64_t n) { return std::to_string(n); }
 
 struct TableReader {
@@ -68,7 +64,7 @@ struct TableReader {
     }
 
     void check_points(uint64_t offset, uint64_t size, uint64_t points, uint64_t chunk) const {
-        if (points / kMostPointsPerByte > size)
+        if (points / kMostLazPointsPerByte > size)
             throw Error(ErrorKind::malformed, source.name() + ": chunk " + number(chunk + 1) + ": byte " + number(offset) + ": " + number(points) +
                                                   " points cannot lie in " + number(size) + " bytes");
     }

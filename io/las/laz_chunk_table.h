@@ -9,6 +9,10 @@
 
 namespace strata::las {
 
+// A point takes at least the symbol that says what changed, whose model gives no symbol more than 1 - 63/2^15 of the interval:
+// 0.0028 bits.
+inline constexpr uint64_t kMostLazPointsPerByte = 4096;
+
 /// The chunks of a file in the order of their points; together they have the header's points.
 struct LazChunks {
     std::vector<LazChunk> chunks;

@@ -8,6 +8,7 @@
 #include "io/las/las_extra_bytes.h"
 #include "io/las/las_info.h"
 #include "io/las/las_source.h"
+#include "io/las/laz_chunk_reader.h"
 
 namespace strata {
 namespace {
@@ -121,15 +122,6 @@ void LazSource::plan_batches() {
     }
 }
 
-las::LazSelection LazSource::selection(std::span<const int> wanted) const {
-    las::LazSelection selection{std::vector<bool>(header_.record_size, false)};
-    for (const int index : wanted) {
-        const size_t begin = columns_.record_offset(size_t(index));
-        std::fill_n(selection.bytes.begin() + std::ptrdiff_t(begin), info_.attributes[size_t(index)].size_bytes(), true);
-    }
-    return selection;
-}
-
 template <typename Sink>
 void LazSource::read_points(uint64_t index, const las::LazSelection& selection, Sink sink) const {
     const Batch& batch = batches_[size_t(index)];
@@ -161,7 +153,7 @@ void LazSource::read_in_order(uint64_t index, Sink sink) const {
 void LazSource::read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const {
     resize_batch(out, size_t(batches_[size_t(index)].points), info_.attributes, wanted);
     size_t row = 0;
-    read_points(index, selection(wanted), [&](const std::byte* records, size_t count) {
+    read_points(index, las::select_bytes(columns_, header_.record_size, wanted), [&](const std::byte* records, size_t count) {
         columns_.decode({records, count * header_.record_size}, wanted, row, out);
         row += count;
     });

@@ -47,7 +47,6 @@ private:
     };
 
     void plan_batches();
-    las::LazSelection selection(std::span<const int> wanted) const;
     template <typename Sink>
     void read_points(uint64_t index, const las::LazSelection& selection, Sink sink) const;
     template <typename Sink>
