@@ -44,6 +44,8 @@ inline uint32_t weight_of(float square) {
 // The pixels of a block take the light of each splat. A value is the splat's key there, above its weight.
 template <bool perspective>
 struct SplatLight {
+    static constexpr bool kValuesFirst = true;
+
     const PixelRows& rows;
     const uint64_t* words;
     LightSum* sums;

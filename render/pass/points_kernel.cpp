@@ -40,6 +40,8 @@ inline void draw_pixels(const WordRows& target, const PointBlock& block, size_t 
 // The pixels of a block take the word of each splat.
 template <SplatShape shape, bool perspective>
 struct SplatWords {
+    static constexpr bool kValuesFirst = false;
+
     const PixelRows& rows;
     uint64_t* words;
     const PointProjection& view;

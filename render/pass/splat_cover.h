@@ -117,14 +117,24 @@ inline void visit_large_splat(Target& target, const PointBlock& block, const Cov
     for (int32_t row = covered.above[i]; row <= covered.last[i]; ++row) {
         const size_t line = size_t(row) * target.rows.stride;
         const float y = float(row + int32_t(target.rows.first_row)) + 0.5f - block.y_px[i];
-        for (int32_t column = covered.left[i]; column < covered.right[i]; ++column)
-            target.put(line + size_t(column), target.value_at(block, i, float(column) + 0.5f - block.x_px[i], y), i);
+        if constexpr (Target::kValuesFirst) {
+            alignas(64) uint64_t values[kPointBlock];
+            for (int32_t begin = covered.left[i]; begin < covered.right[i]; begin += int32_t(kPointBlock)) {
+                const int32_t count = std::min(covered.right[i] - begin, int32_t(kPointBlock));
+                for (int32_t k = 0; k < count; ++k) values[k] = target.value_at(block, i, float(begin + k) + 0.5f - block.x_px[i], y);
+                for (int32_t k = 0; k < count; ++k) target.put(line + size_t(begin + k), values[k], i);
+            }
+        } else {
+            for (int32_t column = covered.left[i]; column < covered.right[i]; ++column)
+                target.put(line + size_t(column), target.value_at(block, i, float(column) + 0.5f - block.x_px[i], y), i);
+        }
     }
 }
 
 /// Puts down a value for every pixel that a splat of the block covers, while the rows are held.
 /// target  has the PixelRows `rows`; `value_at(block, i, x, y)`, what splat i leaves at the pixel whose center lies (x, y) from its own,
-///         0 for nothing; and `put(pixel, value, i)`, which may be asked to put down 0 on any pixel of the splat's rows
+///         0 for nothing; and `put(pixel, value, i)`, which may be asked to put down 0 on any pixel of the splat's rows. Where `put` is no
+///         vector code, `kValuesFirst` keeps it apart from what is
 template <SplatShape shape, typename Target>
 inline void visit_splats(Target& target, const PointBlock& block, size_t count) {
     Covered covered;
