@@ -1,12 +1,15 @@
-// The rasterizers, beside GL_POINTS on the same machine and beside reading the points' bytes and nothing more. STRATA_BENCH_SET
-// names a Potree set: strata sample scan.las --points 50000000, strata convert scan.las set. At 1920 x 1080, its usual view.
+// The rasterizers, beside GL_POINTS on the same machine and beside reading the points' bytes and nothing more; whole frames; and a
+// flight under a cap of memory. STRATA_BENCH_SET names a Potree set: strata sample scan.las --points 50000000, strata convert scan.las set.
+// At 1920 x 1080, its usual view.
 #include <benchmark/benchmark.h>
 #include <epoxy/gl.h>
 
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <cmath>
 #include <cstdlib>
+#include <map>
 #include <memory>
 
 #include "core/octree/node_selection.h"
@@ -19,6 +22,7 @@
 #include "render/pass/points_gl_pass.h"
 #include "render/pass/points_kernel.h"
 #include "render/pass/points_pass.h"
+#include "render/renderer.h"
 #include "render/stream/resident_cloud.h"
 #include "render/stream/shape_field.h"
 
@@ -40,7 +44,8 @@ struct View {
         fit_depth_range(camera, cloud->info().bounds);
         const SelectionSettings limits = {.error_px = error_px, .point_budget = budget};
         const int threads = default_thread_count();
-        resident = std::make_unique<ResidentCloud>(*cloud, ResidencySettings{.color = find_color_channel(cloud->info(), "lod"), .threads = threads});
+        resident = std::make_unique<ResidentCloud>(
+            *cloud, ResidencySettings{.color = find_color_channel(cloud->info(), "lod"), .threads = threads});
         const FrameNodes frame = resident->gather(select_nodes(*cloud, camera, kWidth, kHeight, limits), limits, ~uint64_t{0},
                                                   NodeCache::Clock::time_point::max());
         update_shapes(*cloud, frame.ids, frame.points, threads);
@@ -98,7 +103,8 @@ BENCHMARK(clear_words)->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(
 // Every bench's picture is that of the plainest kernel on one thread.
 uint64_t checksum(const GBuffer& picture) {
     uint64_t sum = 14695981039346656037u;
-    for (size_t i = 0; i < picture.depths.size(); ++i) sum = (sum ^ std::bit_cast<uint32_t>(picture.depths[i]) ^ picture.ids[i]) * 1099511628211u;
+    for (size_t i = 0; i < picture.depths.size(); ++i)
+        sum = (sum ^ std::bit_cast<uint32_t>(picture.depths[i]) ^ picture.ids[i]) * 1099511628211u;
     return sum;
 }
 
@@ -197,9 +203,14 @@ const int kRegistered = [] {
         benchmark::RegisterBenchmark(name, draw_gpu, few, style)->UseRealTime()->Unit(benchmark::kMillisecond);
     for (const SimdLevel level : {SimdLevel::baseline, SimdLevel::avx2, SimdLevel::avx512}) {
         const std::string with = "/" + std::string(name_of(level));
-        for (const auto& [name, few, style] : {std::tuple("draw/1px", false, pixel), {"draw/discs_3px", false, disc}, {"draw/frame", true, SplatStyle{}}})
+        for (const auto& [name, few, style] :
+             {std::tuple("draw/1px", false, pixel), {"draw/discs_3px", false, disc}, {"draw/frame", true, SplatStyle{}}})
             benchmark::RegisterBenchmark((name + with).c_str(), draw, few, style, level)
-                ->ArgName("threads")->Arg(1)->Arg(2)->UseRealTime()->Unit(benchmark::kMillisecond);
+                ->ArgName("threads")
+                ->Arg(1)
+                ->Arg(2)
+                ->UseRealTime()
+                ->Unit(benchmark::kMillisecond);
     }
     return 0;
 }();
@@ -230,8 +241,9 @@ public:
         glNamedFramebufferRenderbuffer(framebuffer_, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, targets_[1]);
         const double scale = pixels_per_unit(view.camera, 1.0, kHeight);
         program_ = glCreateProgram();
-        attach(GL_VERTEX_SHADER, "#version 450\nlayout(location=0) in vec3 p; layout(location=0) uniform vec3 s;"
-                                 "void main() { gl_Position = vec4(p.xy * s.xy, -s.z, -p.z); }");
+        attach(GL_VERTEX_SHADER,
+               "#version 450\nlayout(location=0) in vec3 p; layout(location=0) uniform vec3 s;"
+               "void main() { gl_Position = vec4(p.xy * s.xy, -s.z, -p.z); }");
         attach(GL_FRAGMENT_SHADER, "#version 450\nlayout(location=0) out vec4 c; void main() { c = vec4(1.0); }");
         glLinkProgram(program_);
         glUseProgram(program_);
@@ -290,6 +302,84 @@ void gl_points(benchmark::State& state) {
     const size_t expected = size_t(std::count_if(drawn.depths.begin(), drawn.depths.end(), [](float depth) { return depth != kNoDepth; }));
     if (std::max(expected, points.drawn()) - std::min(expected, points.drawn()) > expected / 1000) state.SkipWithError("other pixels");
 }
+// Whole warm frames at an error of 1 px, as `strata render` draws them: adaptive paraboloids or discs under eye-dome lighting, also with
+// ambient occlusion and filled holes.
+RenderSettings frame_settings(const LayeredCloud& cloud, SplatShape shape, bool all_passes) {
+    RenderSettings settings;
+    settings.width = kWidth;
+    settings.height = kHeight;
+    settings.color = find_color_channel(cloud.info(), "rgb");
+    settings.splat.shape = shape;
+    settings.threads = default_thread_count();
+    settings.edl = EdlSettings();
+    if (!all_passes) return settings;
+    settings.ssao.radius = 2.0f;
+    settings.fill.gap_px = FillSettings::kWidestGap;
+    return settings;
+}
+
+void frame(benchmark::State& state, SplatShape shape, bool all_passes) {
+    const View* const v = view(state, true);
+    if (v == nullptr) return;
+    const RenderSettings settings = frame_settings(*v->cloud, shape, all_passes);
+    Renderer renderer;
+    RenderReport last;
+    const auto draw_frame = [&] { last = renderer.render_frame(*v->cloud, v->camera, settings, [](const RenderedRows&) {}); };
+    draw_frame();  // reads
+    std::map<std::string, double> passes;
+    for (auto _ : state) {
+        draw_frame();
+        for (const auto& [pass, ms] : last.pass_ms) passes[pass] += ms / double(state.max_iterations);
+    }
+    state.counters["points"] = double(last.points_drawn);
+    for (const auto& [pass, ms] : passes) state.counters[pass + "_ms"] = ms;
+    if (last.nodes_missing > 0 || last.bound_by != BoundBy::error) state.SkipWithError("another picture");
+}
+BENCHMARK_CAPTURE(frame, paraboloid, SplatShape::paraboloid, false)->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(frame, disc, SplatShape::disc, false)->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(frame, paraboloid_all_passes, SplatShape::paraboloid, true)->UseRealTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(frame, disc_all_passes, SplatShape::disc, true)->UseRealTime()->Unit(benchmark::kMillisecond);
+
+// A flight down into the cloud and across it, under a cap of 256 MB, that never waits: each frame shows something, and neither nodes nor
+// rows take more than the cap.
+void flight(benchmark::State& state) {
+    const View* const v = view(state, true);
+    if (v == nullptr) return;
+    constexpr int kFrames = 100;
+    RenderSettings settings = frame_settings(*v->cloud, SplatShape::paraboloid, false);
+    settings.memory_bytes = 256'000'000;
+    settings.wait = false;
+    const Box3d& box = v->cloud->info().bounds;
+    Renderer renderer;
+    double worst_ms = 0.0, most_bytes = 0.0, least_share = 1.0;
+    uint64_t waiting = 0;
+    for (auto _ : state)
+        for (int i = 0; i < kFrames; ++i) {
+            const double s = double(i) / kFrames, aside = std::sin(9.0 * s);
+            Camera camera = v->camera;
+            const Vec3d low(box.min.x() + (0.1 + 0.8 * s) * (box.max.x() - box.min.x()),
+                            box.min.y() + (0.5 + 0.3 * aside) * (box.max.y() - box.min.y()), box.min.z() + 60.0);
+            camera.eye = v->camera.eye + std::min(1.0, 4.0 * s) * (low - v->camera.eye);
+            const double down = std::max(0.0, 1.0 - 4.0 * s);  // at first it looks as the usual view does
+            camera.view_from_world =
+                look_along(down * v->camera.forward() + (1.0 - down) * Vec3d(1.0, 0.7 * std::cos(9.0 * s), -0.4), Vec3d::UnitZ());
+            fit_depth_range(camera, box);
+            size_t shown = 0;
+            const RenderReport drawn = renderer.render_frame(*v->cloud, camera, settings, [&](const RenderedRows& rows) {
+                shown += size_t(std::count_if(rows.depths.begin(), rows.depths.end(), [](float depth) { return depth != kNoDepth; }));
+            });
+            worst_ms = std::max(worst_ms, drawn.frame_ms);
+            most_bytes = std::max(most_bytes, double(renderer.resident_bytes()));
+            least_share = std::min(least_share, double(shown) / (double(kWidth) * kHeight));
+            waiting += drawn.nodes_missing > 0;
+            if (renderer.resident_bytes() > settings.memory_bytes) state.SkipWithError("over the cap");
+            if (shown == 0) state.SkipWithError("a frame without picture");
+        }
+    state.counters = {{"frames", kFrames},           {"worst_ms", worst_ms},       {"most_MB", 1e-6 * most_bytes},
+                      {"least_pixels", least_share}, {"waiting", double(waiting)}, {"nodes_read", double(renderer.nodes_read())}};
+}
+BENCHMARK(flight)->Iterations(1)->UseRealTime()->Unit(benchmark::kMillisecond);
+
 BENCHMARK(gl_points)->UseRealTime()->Unit(benchmark::kMillisecond);
 
 }  // namespace
