@@ -1,13 +1,17 @@
 #include "app/bench/accuracy.h"
 
 #include "app/bench/edl_cases.h"
+#include "app/bench/normal_cases.h"
+#include "app/bench/ssao_cases.h"
+#include "app/bench/ssao_forms.h"
 #include "app/bench/splat_cases.h"
 #include "core/error.h"
 
 namespace strata {
 namespace {
 
-constexpr std::optional<BenchSection> (*kComparisons[])(BenchScene&, const BenchSettings&) = {run_splat_cases, run_edl_cases};
+constexpr std::optional<BenchSection> (*kComparisons[])(BenchScene&, const BenchSettings&) = {run_splat_cases, run_edl_cases, run_ssao_cases, run_ssao_forms,
+                                                                                                       run_normal_cases};
 
 }  // namespace
 

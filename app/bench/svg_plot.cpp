@@ -57,9 +57,27 @@ std::string marker(double x, double y, size_t series) {
     }
 }
 
+// How the series are drawn. Those of theory share the color of the one before, and have no markers.
+struct SeriesLook {
+    std::string color, dashes;
+    size_t number = 0;
+    bool marked = true;
+};
+std::vector<SeriesLook> looks_of(const Plot& plot) {
+    std::vector<SeriesLook> looks;
+    size_t measured = 0;
+    for (const PlotSeries& series : plot.series) {
+        measured += series.expected && !looks.empty() ? 0 : 1;
+        looks.push_back(
+            {kColors[(measured - 1) % kColors.size()], series.expected ? " stroke-dasharray=\"6,4\"" : "", measured - 1, !series.expected});
+    }
+    return looks;
+}
+
 // From values to places on the page.
 struct Scale {
-    Scale(const Plot& plot, bool vertical, double from, double to) : logarithmic((vertical ? plot.y : plot.x).logarithmic), begin(from), end(to) {
+    Scale(const Plot& plot, bool vertical, double from, double to)
+        : logarithmic((vertical ? plot.y : plot.x).logarithmic), begin(from), end(to) {
         double low = std::numeric_limits<double>::infinity(), high = -low;
         for (const PlotSeries& series : plot.series)
             for (const Vec2d& p : series.points) {
@@ -84,7 +102,8 @@ std::string draw_axes(const Plot& plot, const Scale& x, const Scale& y) {
     std::string svg = "<g stroke=\"#ddd\">\n";
     for (const double tick : x.ticks) svg += "<path d=\"M" + number(x(tick)) + "," + number(kTop) + "V" + number(kBottom) + "\"/>\n";
     for (const double tick : y.ticks) svg += "<path d=\"M" + number(kLeft) + "," + number(y(tick)) + "H" + number(kRight) + "\"/>\n";
-    svg += "</g>\n<path d=\"M" + number(kLeft) + "," + number(kTop) + "V" + number(kBottom) + "H" + number(kRight) + "\" fill=\"none\" stroke=\"#333\"/>\n";
+    svg += "</g>\n<path d=\"M" + number(kLeft) + "," + number(kTop) + "V" + number(kBottom) + "H" + number(kRight) +
+           "\" fill=\"none\" stroke=\"#333\"/>\n";
     for (const double tick : x.ticks) svg += text_at(x(tick), kBottom + 18, " text-anchor=\"middle\"", tick_text(tick));
     for (const double tick : y.ticks) svg += text_at(kLeft - 8, y(tick) + 4, " text-anchor=\"end\"", tick_text(tick));
     svg += text_at(0.5 * (kLeft + kRight), kHeight - 12, " text-anchor=\"middle\"", plot.x.label);
@@ -103,7 +122,8 @@ Vec2d legend_corner(const Plot& plot, const Scale& x, const Scale& y, double wid
             size_t inside = 0;
             for (const PlotSeries& series : plot.series)
                 for (const Vec2d& p : series.points)
-                    inside += p.allFinite() && x(p.x()) > left - 8 && x(p.x()) < left + width + 8 && y(p.y()) > top - 8 && y(p.y()) < top + height + 8;
+                    inside += p.allFinite() && x(p.x()) > left - 8 && x(p.x()) < left + width + 8 && y(p.y()) > top - 8 &&
+                              y(p.y()) < top + height + 8;
             if (inside >= least) continue;
             least = inside;
             best = {left, top};
@@ -116,13 +136,14 @@ std::string draw_legend(const Plot& plot, const Scale& x, const Scale& y) {
     for (const PlotSeries& series : plot.series) longest = std::max(longest, series.name.size());
     const double width = 40 + 7.5 * double(longest), height = 10 + 20 * double(plot.series.size());
     const Vec2d corner = legend_corner(plot, x, y, width, height);
-    std::string svg = "<rect x=\"" + number(corner.x()) + "\" y=\"" + number(corner.y()) + "\" width=\"" + number(width) + "\" height=\"" + number(height) +
-                      "\" fill=\"#fff\" stroke=\"#ccc\"/>\n";
+    const std::vector<SeriesLook> looks = looks_of(plot);
+    std::string svg = "<rect x=\"" + number(corner.x()) + "\" y=\"" + number(corner.y()) + "\" width=\"" + number(width) + "\" height=\"" +
+                      number(height) + "\" fill=\"#fff\" stroke=\"#ccc\"/>\n";
     for (size_t i = 0; i < plot.series.size(); ++i) {
         const double row = corner.y() + 15 + 20 * double(i);
-        const std::string color = kColors[i % kColors.size()];
-        svg += "<g fill=\"" + color + "\" stroke=\"" + color + "\"><path d=\"M" + number(corner.x() + 6) + "," + number(row) + "h22\" stroke-width=\"2\"/>" +
-               marker(corner.x() + 17, row, i) + "</g>\n";
+        const SeriesLook& look = looks[i];
+        svg += "<g fill=\"" + look.color + "\" stroke=\"" + look.color + "\"><path d=\"M" + number(corner.x() + 6) + "," + number(row) +
+               "h22\" stroke-width=\"2\"" + look.dashes + "/>" + (look.marked ? marker(corner.x() + 17, row, look.number) : "") + "</g>\n";
         svg += text_at(corner.x() + 34, row + 4, "", plot.series[i].name);
     }
     return svg;
@@ -155,18 +176,21 @@ std::vector<double> tick_values(double low, double high, bool logarithmic, int c
 
 std::string svg_of(const Plot& plot) {
     const Scale x(plot, false, kLeft, kRight), y(plot, true, kBottom, kTop);
-    std::string svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 640 400\" width=\"" + number(kWidth) + "\" height=\"" + number(kHeight) +
+    std::string svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 640 400\" width=\"" + number(kWidth) + "\" height=\"" +
+                      number(kHeight) +
                       "\" font-family=\"sans-serif\" font-size=\"13\" fill=\"#222\">\n<rect width=\"640\" height=\"400\" fill=\"#fff\"/>\n";
     svg += draw_axes(plot, x, y);
+    const std::vector<SeriesLook> looks = looks_of(plot);
     for (size_t i = 0; i < plot.series.size(); ++i) {
         std::string line, markers;
         for (const Vec2d& p : plot.series[i].points) {
             if (!p.allFinite()) continue;
             line += (line.empty() ? "M" : "L") + number(x(p.x())) + "," + number(y(p.y()));
-            markers += marker(x(p.x()), y(p.y()), i);
+            if (looks[i].marked) markers += marker(x(p.x()), y(p.y()), looks[i].number);
         }
-        const std::string color = kColors[i % kColors.size()];
-        svg += "<path d=\"" + line + "\" fill=\"none\" stroke=\"" + color + "\" stroke-width=\"2\"/>\n<g fill=\"" + color + "\">" + markers + "</g>\n";
+        const std::string& color = looks[i].color;
+        svg += "<path d=\"" + line + "\" fill=\"none\" stroke=\"" + color + "\" stroke-width=\"2\"" + looks[i].dashes + "/>\n<g fill=\"" +
+               color + "\">" + markers + "</g>\n";
     }
     return svg + draw_legend(plot, x, y) + "</svg>\n";
 }

@@ -10,10 +10,11 @@ namespace strata {
 struct PlotSeries {
     std::string name;
     std::vector<Vec2d> points;  // joined in this order; those that are not finite are left out
+    bool expected = false;      // what theory says of the series before: in its color, dashed, without markers
 };
 
 struct PlotAxis {
-    std::string label;  // with its unit
+    std::string label;         // with its unit
     bool logarithmic = false;  // values must be positive
 };
 

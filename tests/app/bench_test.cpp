@@ -81,6 +81,63 @@ TEST(Bench, AccuracyOfOneKindOfSplat) {
     EXPECT_EQ(std::distance(fs::directory_iterator(folder.file("out")), fs::directory_iterator()), 3) << "the scene is gone";
 }
 
+// Where visibility is known, the pass is off by no more than its directions and steps may be (see ssao_kernel_test.cpp); below a sphere in the air
+// a depth buffer's floor can only be too dark, for pass and twin alike, but for their own errors.
+TEST(Bench, AccuracyOfAmbientOcclusionInClosedForm) {
+    const TemporaryFolder folder;
+    const ProgramResult result = run_strata(small({"accuracy", "--only", "ssao_forms", "-o", folder.file("out")}));
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const auto rows = rows_of(folder.file("out/accuracy_ssao_forms.csv"));
+    ASSERT_EQ(rows.size(), 4u);
+    const auto value = [&](const std::string& form, const char* column) { return std::stod(rows.at("ssao_forms/" + form).at(column)); };
+    EXPECT_EQ(value("plane", "pass_worst"), 0.0);
+    EXPECT_LT(value("plane", "twin_worst"), 1e-6);
+    for (const char* form : {"wall", "dome"}) {
+        EXPECT_LT(value(form, "pass_worst"), 0.05) << form;
+        EXPECT_LT(value(form, "twin_worst"), 0.015) << form;
+        EXPECT_LT(value(form, "least"), 0.8) << form << ": occlusion is to be found";
+    }
+    EXPECT_LT(value("sphere", "pass_bias"), 0.0);
+    EXPECT_LT(value("sphere", "twin_bias"), 0.0);
+}
+
+// Occluders near by darken, and less than no occlusion would be off: the pass is nearer to the true scene's visibility than white is.
+TEST(Bench, AccuracyOfAmbientOcclusionOfTheScene) {
+    const TemporaryFolder folder;
+    const ProgramResult result = run_strata(small({"accuracy", "--only", "ssao/near/4", "-o", folder.file("out")}));
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const auto rows = rows_of(folder.file("out/accuracy_ssao.csv"));
+    ASSERT_EQ(rows.size(), 1u);
+    const auto& row = rows.at("ssao/near/4");
+    EXPECT_GT(std::stod(row.at("pixels")), 10.0);
+    EXPECT_GT(std::stod(row.at("ssao_ms")), 0.0);
+    EXPECT_GT(std::stod(row.at("unlit_rms")), 0.05) << "the scene has occlusion to find";
+    EXPECT_LT(std::stod(row.at("truth_rms")), std::stod(row.at("unlit_rms")));
+    EXPECT_GT(std::stod(row.at("sky_bias")), std::stod(row.at("truth_bias"))) << "what lies beyond the radius occludes too";
+    EXPECT_NE(text_of(folder.file("out/accuracy.md")).find("(accuracy_ssao_error.svg)"), std::string::npos);
+}
+
+// On flat surfaces angles are what 2 sigma / (r sqrt k) says, to a few tens of percent: neighbors do not fill a disc evenly, and k, not k - 3,
+// is counted. Rounding alone is far below noise of 2 cm.
+TEST(Bench, AccuracyOfNormals) {
+    const TemporaryFolder folder;
+    const ProgramResult result = run_strata(small({"accuracy", "--only", "normals/0.02", "-o", folder.file("out")}));
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const auto rows = rows_of(folder.file("out/accuracy_normals.csv"));
+    ASSERT_EQ(rows.size(), 3u) << "three k";
+    double before = 90.0;
+    for (const char* k : {"8", "16", "64"}) {
+        const auto& row = rows.at(std::string("normals/0.02/") + k);
+        const double angle = std::stod(row.at("flat_median_deg")), ratio = angle / std::stod(row.at("expected_deg"));
+        EXPECT_GT(std::stod(row.at("flat_points")), 500.0);
+        EXPECT_GT(ratio, 0.8) << k;
+        EXPECT_LT(ratio, 1.6) << k;
+        EXPECT_LT(angle, 0.6 * before) << "neighbors average noise, and lie farther away";
+        before = angle;
+    }
+    EXPECT_NE(text_of(folder.file("out/accuracy_normals_noise.svg")).find("stroke-dasharray"), std::string::npos);
+}
+
 TEST(Bench, SpeedOfAStep) {
     const TemporaryFolder folder;
     const ProgramResult result = run_strata(small({"speed", "--only", "las", "-o", folder.file("out"), "--quiet"}));

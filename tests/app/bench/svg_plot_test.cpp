@@ -54,6 +54,15 @@ TEST(SvgPlot, PutsPointsWhereTheAxesSay) {
     EXPECT_EQ(count(svg, "L64,196"), 1u) << svg;
 }
 
+// What theory says of a series has its color and no marker.
+TEST(SvgPlot, TheoryIsDashedInTheColorOfItsSeries) {
+    const std::string svg = svg_of({"t", {"x"}, {"y"}, {{"s", {{0, 0}, {1, 1}}}, {"theory", {{0, 0}, {1, 2}}, true}, {"other", {{0, 0}, {1, 3}}}}});
+    EXPECT_EQ(count(svg, "stroke-dasharray"), 2u);  // the line and the legend's
+    EXPECT_EQ(count(svg, "<circle"), 3u);           // two points and the legend
+    EXPECT_EQ(count(svg, "stroke=\"#0b6fa4\" stroke-width"), 2u);
+    EXPECT_EQ(count(svg, "stroke=\"#d95f02\" stroke-width"), 1u);
+}
+
 TEST(SvgPlot, AnEmptyPlotIsStillAPicture) { EXPECT_EQ(count(svg_of({"t", {"x", true}, {"y"}, {}}), "</svg>"), 1u); }
 
 }  // namespace
