@@ -14,7 +14,7 @@
 #include "core/octree/layered_validation.h"
 #include "core/octree/sampling_quality.h"
 #include "io/format.h"
-#include "io/las/las_source.h"
+#include "io/las/laz_source.h"
 
 namespace strata {
 namespace {
@@ -84,9 +84,9 @@ std::vector<std::string> header_lies(const PointSource& source, const CloudStati
             lies.push_back(line);
         }
     }
-    const LasSource* const las = dynamic_cast<const LasSource*>(&source);
-    for (size_t i = 0; las && i < las->header().points_by_return.size(); ++i)
-        if (const uint64_t stated = las->header().points_by_return[i]; stated != truth.points_by_return[i + 1])
+    const las::Header* const header = header_of(source);
+    for (size_t i = 0; header && i < header->points_by_return.size(); ++i)
+        if (const uint64_t stated = header->points_by_return[i]; stated != truth.points_by_return[i + 1])
             lies.push_back("the header counts " + with_commas(stated) + " points of return " + std::to_string(i + 1) + ", there are " +
                            with_commas(truth.points_by_return[i + 1]));
     return lies;

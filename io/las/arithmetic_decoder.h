@@ -1,8 +1,10 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <type_traits>
 
 namespace strata::las {
@@ -16,8 +18,9 @@ inline constexpr uint32_t kLeastInterval = 1u << 24;
 inline constexpr uint32_t kMostSymbolCounts = 1u << kSymbolProbabilityBits;
 inline constexpr uint32_t kMostBitCounts = 1u << kBitProbabilityBits;
 
-/// Bytes that decoding one symbol or up to 19 raw bits may move in, at most.
-inline constexpr size_t kBytesPerSymbol = 3;
+/// Bytes that decoding one symbol or up to 19 raw bits may move in, at most; and those that are looked at before it is
+/// known how many move in.
+inline constexpr size_t kBytesPerSymbol = 3, kBytesAhead = 4;
 
 /// Symbols from 0 to symbols - 1, at most MostSymbols of them, and how often each came so far.
 /// `first_` says for the first probability of each bucket which symbol it belongs to: nearly always that of the whole bucket.
@@ -25,7 +28,15 @@ template <int MostSymbols>
 class SymbolModel {
 public:
     /// Makes the model new, and usable at all: every symbol equally likely.
-    void restart(int symbols = MostSymbols) {
+    void restart() {
+        static const SymbolModel fresh = [] {
+            SymbolModel model;
+            model.restart(MostSymbols);
+            return model;
+        }();
+        *this = fresh;  // a copy costs a tenth of making one, and chunks may be small
+    }
+    void restart(int symbols) {
         symbols_ = uint16_t(symbols);
         bucket_shift_ = uint8_t(kSymbolProbabilityBits - bucket_bits(symbols));
         for (int s = 0; s < symbols; ++s) counts_[size_t(s)] = 1;
@@ -109,7 +120,7 @@ private:
 };
 
 /// Decodes symbols from bytes that it does not own. It never looks for their end: whoever holds it keeps
-/// kBytesPerSymbol readable bytes ahead of `next` for each symbol decoded between two checks.
+/// kBytesPerSymbol readable bytes ahead of `next` for each symbol decoded between two checks, and kBytesAhead more.
 /// Every call keeps value < length, whatever the bytes are; that a symbol lies in its model's range follows from it.
 class ArithmeticDecoder {
 public:
@@ -136,7 +147,9 @@ public:
         size_t s = model.first_[probability >> model.bucket_shift_];
         while (model.below_[s + 1] <= probability) ++s;
         const uint32_t low = model.below_[s] * length_;
-        const uint32_t high = s + 1 < model.symbols_ ? model.below_[s + 1] * length_ : whole;
+        // A choice without a branch: of two symbols, the last is as likely as the other.
+        const uint32_t is_last = -uint32_t(s + 1 == model.symbols_);
+        const uint32_t high = (model.below_[s + 1] * length_ & ~is_last) | (whole & is_last);
         value_ -= low;
         length_ = high - low;
         renormalize();
@@ -179,11 +192,14 @@ public:
     }
 
 private:
-    void renormalize() {
-        while (length_ < kLeastInterval) {
-            value_ = value_ << 8 | std::to_integer<uint32_t>(*next_++);
-            length_ <<= 8;
-        }
+    // How many bytes move in is as good as random: without a branch, none is mispredicted.
+    [[gnu::always_inline]] void renormalize() {
+        const int bits = std::countl_zero(length_) & ~7;
+        uint32_t ahead;
+        std::memcpy(&ahead, next_, sizeof ahead);
+        value_ = uint32_t((uint64_t(value_) << 32 | __builtin_bswap32(ahead)) << bits >> 32);
+        length_ <<= bits;
+        next_ += bits >> 3;
     }
 
     const std::byte* next_ = nullptr;

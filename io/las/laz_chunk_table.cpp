@@ -92,7 +92,7 @@ struct TableReader {
     std::vector<LazChunk> decode(uint64_t offset, uint64_t count, uint64_t end) const {
         std::vector<LazChunk> chunks;
         if (count == 0) return chunks;
-        constexpr size_t kMargin = kBytesPerSymbol * 16;
+        constexpr size_t kMargin = kBytesPerSymbol * 16 + kBytesAhead;
         ByteWindow window;
         window.open(source, offset, source.size(), kMargin);
         ArithmeticDecoder decoder(window.begin());

@@ -26,8 +26,9 @@ struct LazSelection {
 
     /// Whether any of the bytes [offset, offset + size) is asked for.
     bool has(size_t offset, size_t size) const {
+        if (bytes.empty()) return true;
         const auto begin = bytes.begin() + std::ptrdiff_t(offset), end = begin + std::ptrdiff_t(size);
-        return bytes.empty() || std::find(begin, end, true) != end;
+        return std::find(begin, end, true) != end;
     }
 };
 

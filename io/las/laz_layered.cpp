@@ -20,7 +20,7 @@ namespace {
 constexpr size_t kTilePoints = 512;  // their notes and records stay in the first cache levels
 constexpr size_t kChannels = 4;      // scanner channels
 // What a layer's decoder may run ahead within one point: GPS time switches sequence four times, then begins one.
-constexpr size_t kMargin = kBytesPerSymbol * 64;
+constexpr size_t kMargin = kBytesPerSymbol * 64 + kBytesAhead;
 
 // Where fields lie in the record.
 constexpr size_t kX = 0, kY = 4, kZ = 8, kIntensity = 12, kReturns = 14, kFlags = 15, kClassification = 16, kUserData = 17, kScanAngle = 18,

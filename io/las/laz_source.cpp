@@ -110,48 +110,56 @@ void LazSource::plan_batches() {
     const uint64_t joined = std::min(most, kJoinedPoints);
     for (size_t c = 0; c < chunks.size(); ++c) {
         const uint64_t points = chunks[c].points;
-        if (points > most) {
-            for (uint64_t first = 0; first < points; first += part) batches_.push_back({c, first, std::min(part, points - first), true});
+        if (!plans_.empty() && points <= joined && plans_.back().points <= joined - points) {
+            plans_.back().points += points;
+            plans_.back().points_per_batch += points;
             continue;
         }
-        if (!batches_.empty() && batches_.back().first_point == 0 && batches_.back().points + points <= joined &&
-            batches_.back().in_order == chunks_.sequential)
-            batches_.back().points += points;
-        else
-            batches_.push_back({c, 0, points, chunks_.sequential});
+        const bool whole = points <= most;
+        plans_.push_back({batch_count_, c, points, whole ? points : part, !whole || chunks_.sequential});
+        batch_count_ += whole ? 1 : (points + part - 1) / part;
     }
 }
 
+const LazSource::Plan& LazSource::plan_of(uint64_t index) const {
+    return *std::prev(std::upper_bound(plans_.begin(), plans_.end(), index, [](uint64_t i, const Plan& plan) { return i < plan.first_batch; }));
+}
+
+LazSource::Batch LazSource::batch(uint64_t index) const {
+    const Plan& plan = plan_of(index);
+    const uint64_t first = (index - plan.first_batch) * plan.points_per_batch;
+    return {plan.chunk, first, std::min(plan.points_per_batch, plan.points - first)};
+}
+
+// The last batch up to `index` that begins where a chunk does whose offset is known.
+uint64_t LazSource::first_reachable(uint64_t index) const { return chunks_.sequential ? 0 : plan_of(index).first_batch; }
+
 template <typename Sink>
 void LazSource::read_points(uint64_t index, const las::LazSelection& selection, Sink sink) const {
-    const Batch& batch = batches_[size_t(index)];
-    if (batch.in_order) return read_in_order(index, sink);
-    Walk(*this, batch.chunk, selection).read(batch.points, sink);
+    const Plan& plan = plan_of(index);
+    if (plan.in_order) return read_in_order(index, sink);
+    Walk(*this, plan.chunk, selection).read(plan.points, sink);
 }
 
 template <typename Sink>
 void LazSource::read_in_order(uint64_t index, Sink sink) const {
     const std::lock_guard lock(in_order_);
-    // The farthest place before the batch: where its chunk begins, if that is known, or one that was kept.
-    Lane lane;
+    // From the farthest place before the batch: one that was kept, or where a chunk begins.
+    const uint64_t begin = first_reachable(index);
+    const Lane* nearest = nullptr;
     for (const Lane& kept : lanes_)
-        if (kept.batch <= index && (!lane.walk || kept.batch > lane.batch)) {
-            lane.batch = kept.batch;
-            lane.walk = std::make_unique<Walk>(*kept.walk);
-        }
-    uint64_t begin = index;
-    while (begin > 0 && (batches_[size_t(begin)].first_point > 0 || (chunks_.sequential && batches_[size_t(begin)].chunk > 0))) --begin;
-    if (!lane.walk || lane.batch < begin) lane = {begin, std::make_unique<Walk>(*this, batches_[size_t(begin)].chunk, las::LazSelection{})};
-
-    for (; lane.batch < index; ++lane.batch) lane.walk->read(batches_[size_t(lane.batch)].points, [](const std::byte*, size_t) {});
-    lane.walk->read(batches_[size_t(index)].points, sink);
+        if (kept.batch <= index && kept.batch >= begin && (!nearest || kept.batch > nearest->batch)) nearest = &kept;
+    Lane lane = nearest ? Lane{nearest->batch, std::make_unique<Walk>(*nearest->walk)}
+                        : Lane{begin, std::make_unique<Walk>(*this, batch(begin).chunk, las::LazSelection{})};
+    for (; lane.batch < index; ++lane.batch) lane.walk->read(batch(lane.batch).points, [](const std::byte*, size_t) {});
+    lane.walk->read(batch(index).points, sink);
     ++lane.batch;
-    if (lane.batch < batches_.size() && batches_[size_t(lane.batch)].in_order) lanes_.push_back(std::move(lane));
+    if (lane.batch < batch_count_ && first_reachable(lane.batch) < lane.batch) lanes_.push_back(std::move(lane));
     if (lanes_.size() > kKeptLanes) lanes_.pop_front();
 }
 
 void LazSource::read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const {
-    resize_batch(out, size_t(batches_[size_t(index)].points), info_.attributes, wanted);
+    resize_batch(out, size_t(batch(index).points), info_.attributes, wanted);
     size_t row = 0;
     read_points(index, las::select_bytes(columns_, header_.record_size, wanted), [&](const std::byte* records, size_t count) {
         columns_.decode({records, count * header_.record_size}, wanted, row, out);
@@ -161,9 +169,15 @@ void LazSource::read_batch(uint64_t index, std::span<const int> wanted, PointBat
 
 std::vector<std::byte> LazSource::read_records(uint64_t index) const {
     std::vector<std::byte> all;
-    all.reserve(size_t(batches_[size_t(index)].points) * header_.record_size);
+    all.reserve(size_t(batch(index).points) * header_.record_size);
     read_points(index, {}, [&](const std::byte* records, size_t count) { all.insert(all.end(), records, records + count * header_.record_size); });
     return all;
+}
+
+const las::Header* header_of(const PointSource& source) {
+    if (const auto* const laz = dynamic_cast<const LazSource*>(&source)) return &laz->header();
+    const auto* const las = dynamic_cast<const LasSource*>(&source);
+    return las ? &las->header() : nullptr;
 }
 
 std::unique_ptr<PointSource> open_las(std::unique_ptr<ByteSource> bytes) {

@@ -26,7 +26,7 @@ public:
 
     const CloudInfo& info() const override { return info_; }
     const las::Header& header() const { return header_; }
-    uint64_t batch_count() const override { return batches_.size(); }
+    uint64_t batch_count() const override { return batch_count_; }
     void read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const override;
 
     /// The records of a batch as an uncompressed file would have them, [points * record size] bytes.
@@ -37,7 +37,13 @@ private:
         size_t chunk = 0;          // the first
         uint64_t first_point = 0;  // in it
         uint64_t points = 0;
-        bool in_order = false;  // cannot be reached but through the points before it
+    };
+    /// Batches planned together: the parts of one chunk, or one of several chunks.
+    struct Plan {
+        uint64_t first_batch = 0;
+        size_t chunk = 0;  // the first
+        uint64_t points = 0, points_per_batch = 0;
+        bool in_order = false;  // a batch cannot be reached but through the points before it
     };
     class Walk;
     /// Where the batches that are decoded one behind the other have come to.
@@ -47,6 +53,9 @@ private:
     };
 
     void plan_batches();
+    const Plan& plan_of(uint64_t index) const;
+    Batch batch(uint64_t index) const;
+    uint64_t first_reachable(uint64_t index) const;
     template <typename Sink>
     void read_points(uint64_t index, const las::LazSelection& selection, Sink sink) const;
     template <typename Sink>
@@ -59,11 +68,15 @@ private:
     std::vector<std::string> notes_;
     las::Columns columns_;
     CloudInfo info_;
-    std::vector<Batch> batches_;
+    std::vector<Plan> plans_;
+    uint64_t batch_count_ = 0;
 
     mutable std::mutex in_order_;
     mutable std::deque<Lane> lanes_;  // the latest, guarded by in_order_
 };
+
+/// The header of an opened LAS or LAZ file; null: the source is another.
+const las::Header* header_of(const PointSource& source);
 
 /// Opens LAS or LAZ, whichever it is.
 std::unique_ptr<PointSource> open_las(std::unique_ptr<ByteSource> bytes);

@@ -31,6 +31,12 @@ Bytes all_records(const LazSource& source) {
     return all;
 }
 
+uint64_t batch_points(const LazSource& source) {
+    PointBatch batch;
+    source.read_batch(0, {}, batch);
+    return batch.size;
+}
+
 struct Golden {
     const char* name;
     int format, extra_bytes, points;
@@ -112,6 +118,22 @@ TEST_P(LazGolden, EachAttributeAloneIsTheSame) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Laz, LazGolden, ::testing::ValuesIn(kGoldens), [](const auto& golden_file) { return std::string(golden_file.param.name); });
+
+// A chunk too large for a batch is read in parts, in whatever order they are asked for.
+TEST(LazParts, OfALargeChunkComeInAnyOrder) {
+    const LazSource source(memory_source("golden.laz", golden("format0_large_chunk.laz")));
+    const uint64_t count = source.batch_count();
+    ASSERT_GT(count, 3u);
+    const PointBatch all = test::points_of(source);
+    EXPECT_EQ(all.size, 600'000u);
+    for (size_t i = 0; i < all.size; i += 997) ASSERT_EQ(all.x[i], int32_t(i / 100'000 * 7)) << i;
+    PointBatch batch;
+    for (const uint64_t index : {count - 1, uint64_t{1}, uint64_t{0}, uint64_t{2}, count - 1}) {
+        const uint64_t first = index * batch_points(source);
+        source.read_batch(index, {}, batch);
+        ASSERT_TRUE(std::equal(batch.x.begin(), batch.x.end(), all.x.begin() + std::ptrdiff_t(first))) << index;
+    }
+}
 
 // Prototypes of the reference compressor marked layered items as version 2.
 TEST(LazVersions, LayeredVersionTwoIsThree) {
