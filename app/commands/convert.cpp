@@ -101,6 +101,8 @@ int run(const Options& options) {
         std::fprintf(stderr, "%s points: at most %s memory, %s temporary, %s output\n", with_commas(source->info().points).c_str(),
                      size_text(estimate.memory_bytes).c_str(), size_text(estimate.temporary_bytes).c_str(),
                      size_text(estimate.record_bytes).c_str());
+    for (const std::string& note : source->info().notes)
+        if (!quiet) std::fprintf(stderr, "note: %s\n", note.c_str());
     ProgressLine progress(quiet);
     settings.on_progress = [&](const BuildProgress& p) { progress.update(p.stage, p.done, p.total); };
 
@@ -120,7 +122,8 @@ int run(const Options& options) {
                                              {"peak_memory_bytes", peak_memory_bytes()},
                                              {"temporary_bytes", report.temporary_bytes},
                                              {"output_bytes", writer->output_bytes()},
-                                             {"worst_rounding", report.worst_rounding}};
+                                             {"worst_rounding", report.worst_rounding},
+                                             {"notes", source->info().notes}};
         std::printf("%s\n", json.dump(2).c_str());
     } else if (!quiet) {
         std::fprintf(stderr, "%s: %s points in %s nodes on %d levels, %s, %.1f s", output.c_str(), with_commas(report.points_written).c_str(),

@@ -24,12 +24,10 @@ namespace {
 
 std::unique_ptr<LayeredCloud> open_cloud(const Options& options) {
     const std::vector<std::string> paths = point_files(options.positional);
-    if (identify_format(paths[0]).kind == FormatKind::layered) {
-        if (paths.size() > 1)
-            throw Error(ErrorKind::usage, "render: one level-of-detail data set at a time, or several plain files");
-        return open_layered(paths[0]);
-    }
+    if (paths.size() == 1 && identify_format(paths[0]).kind == FormatKind::layered) return open_layered(paths[0]);
     const std::unique_ptr<PointSource> source = open_points(paths);
+    for (const std::string& note : source->info().notes)
+        if (paths.size() > 1 && !options.given("--quiet")) std::fprintf(stderr, "note: %s\n", note.c_str());
     BuildSettings settings;
     settings.threads = thread_count(options);
     settings.memory_bytes = memory_cap(options);
@@ -169,6 +167,8 @@ int run(const Options& options) {
     if (report.failures.count > 0)
         throw Error(ErrorKind::malformed, std::to_string(report.failures.count) + " nodes cannot be read, so there is no picture; first: " +
                                               report.failures.first);
+    if (report.points_drawn == 0 && cloud->info().points > 0 && !request.quiet)
+        std::fprintf(stderr, "note: %s: nothing is in sight: the view, --clip or --filter leave no point\n", request.output.c_str());
     write_place(place_path, place, request.overwrite);
     if (depth) depth->finish();
     png.finish();

@@ -36,6 +36,7 @@ SurveyMode parse_mode(const std::string& text) {
 
 int run(const Options& options) {
     const std::string& path = options.positional[0];
+    if (path.ends_with(".laz")) throw Error(ErrorKind::usage, path + ": sample writes uncompressed LAS: a name that ends in .las is expected");
     SurveySettings settings;
     settings.points = uint64_t(options.integer("--points", 1, kMostPoints));
     settings.noise = options.number("--noise");

@@ -45,6 +45,13 @@ public:
           columns_(header_.point_format, header_.record_size, las::read_extra_bytes(*bytes_, header_, notes_)),
           chunks_(*bytes_, header_, laz_, columns_) {
         info_ = las::cloud_info(*bytes_, header_, columns_, "copc 1.0, laz", std::move(notes_));
+        const Vec3d half = Vec3d::Constant(copc_.half_size);
+        const Box3d cube = {.min = copc_.center - half, .max = copc_.center + half};
+        const Vec3d least = cube.min - 0.01 * half, most = cube.max + 0.01 * half;  // writers round
+        if (header_.points > 0 && !((info_.bounds.min.array() >= least.array()).all() && (info_.bounds.max.array() <= most.array()).all())) {
+            info_.bounds = cube;
+            info_.notes.push_back("the header's box reaches beyond the octree's cube, which is taken for it");
+        }
         const auto page = std::make_shared<const Page>(*bytes_, NodeKey(), copc_.root_offset, copc_.root_bytes);
         if (page->size() == 0) {
             if (header_.points > 0) throw Error(ErrorKind::malformed, bytes_->name() + ": hierarchy: the root's page is empty");

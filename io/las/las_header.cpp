@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 
 #include "core/error.h"
@@ -23,16 +24,27 @@ struct RawHeader {
     uint32_t evlr_count = 0;
 };
 
-void check_quantization(const ByteReader& reader, const Quantization& quantization) {
+void check_quantization(ByteReader& reader, const Quantization& quantization) {
     constexpr double kFarthest = -double(std::numeric_limits<int32_t>::min());  // quanta
+    constexpr double kWholeSteps = 0x1p53;  // that a double tells apart
+    constexpr uint64_t kScales = 131, kOffsets = 155;
+    const size_t behind = reader.position();
     for (int axis = 0; axis < 3; ++axis) {
         const double scale = quantization.scale[axis], offset = quantization.offset[axis];
         const std::string name(1, "xyz"[axis]);
+        reader.seek(kScales + 8 * uint64_t(axis));
         if (!(scale > 0.0) || !std::isfinite(scale))
             reader.fail(name + " scale is " + std::to_string(scale) + ", a positive number is expected");
+        if (!std::isfinite(kFarthest * scale)) reader.fail(name + " scale and offset reach beyond all numbers");
+        reader.seek(kOffsets + 8 * uint64_t(axis));
         if (!std::isfinite(offset)) reader.fail(name + " offset is " + std::to_string(offset) + ", a number is expected");
-        if (!std::isfinite(kFarthest * scale + std::abs(offset))) reader.fail(name + " scale and offset reach beyond all numbers");
+        if (std::abs(offset) / scale > kWholeSteps) {
+            char numbers[80];
+            std::snprintf(numbers, sizeof numbers, "%g leaves no room for steps of %g", offset, scale);
+            reader.fail(name + " offset " + numbers);
+        }
     }
+    reader.seek(behind);
 }
 
 // In 1.4 the 64-bit count is the one that counts. The 32-bit count must equal it or be 0, but writers that filled in only

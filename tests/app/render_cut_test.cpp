@@ -161,6 +161,14 @@ TEST_F(RenderCut, ViewsAreFramedAroundTheBoxes) {
     EXPECT_NEAR(camera["ortho_height"], 20 / (1 - 2 * 0.03), 0.1);  // a margin of 3 % at each side
 }
 
+TEST_F(RenderCut, ACutThatLeavesNothingIsSaid) {
+    const ProgramResult nothing = render(kVillage, {"--clip", "0,0,0,10,10,3", "-o", folder_.file("a.png")});
+    const ProgramResult something = render(kVillage, {"--filter", "class=2", "-o", folder_.file("b.png")});
+    EXPECT_EQ(nothing.exit_code, 0);
+    EXPECT_NE(nothing.err.find("nothing is in sight"), std::string::npos) << nothing.err;
+    EXPECT_EQ(something.err.find("nothing is in sight"), std::string::npos) << something.err;
+}
+
 TEST_F(RenderCut, WrongCutsAreUsageErrors) {
     const struct {
         std::vector<std::string> words;

@@ -76,6 +76,7 @@ TEST_F(SampleCommand, WrongWordsAreUsageErrors) {
     for (const std::string words : {" --points 0", " --points x", " --mode submarine", " --scene moon", " --noise -1", " --noise nan"})
         EXPECT_EQ(run(at("a.las") + words), 2) << words;
     EXPECT_FALSE(fs::exists(at("a.las")));
+    EXPECT_EQ(run(at("a.laz") + " --points 10"), 2);  // it would be no LAZ
 }
 
 TEST_F(SampleCommand, MissingFolderIsOneLine) {

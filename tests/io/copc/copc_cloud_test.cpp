@@ -227,6 +227,20 @@ TEST(CopcCloud, EveryLieInTheHierarchyIsNamed) {
     }
 }
 
+// The view is framed by the box, so that one which cannot be must not count.
+TEST(CopcCloud, TheCubeStandsForABoxBeyondIt) {
+    CopcFile file(5, 1);
+    std::vector<std::byte> bytes = file.bytes(file.add_page({file.node({0, 0, 0, 0}, 5, 0)}));
+    test::poke(bytes, 179, 16.0);   // max x, the cube's own
+    const auto sound = open_copc(memory_source("set", bytes));
+    EXPECT_EQ(sound->info().bounds.max, Vec3d(16, 0, 0));
+    test::poke(bytes, 179, 1e300);
+    const auto lying = open_copc(memory_source("set", bytes));
+    EXPECT_EQ(lying->info().bounds.min, Vec3d(0, 0, 0));
+    EXPECT_EQ(lying->info().bounds.max, Vec3d(16, 16, 16));
+    EXPECT_EQ(lying->info().notes.size(), 1u);
+}
+
 // A page that lies leaves the cloud as it was, and the same page is not refused for what it claimed the first time.
 TEST(CopcCloud, AFailedPageChangesNothing) {
     CopcFile file(20, 4);
