@@ -31,7 +31,14 @@ std::unique_ptr<LayeredCloud> open_cloud(const Options& options) {
     BuildSettings settings;
     settings.threads = thread_count(options);
     settings.memory_bytes = memory_cap(options);
-    return build_memory_cloud(*source, settings);
+    try {
+        return build_memory_cloud(*source, settings);
+    } catch (const Error& error) {
+        if (error.kind != ErrorKind::limit) throw;
+        throw Error(ErrorKind::limit, paths[0] + (paths.size() > 1 ? " and the others" : "") + ": " + with_commas(source->info().points) +
+                                          " points and their levels of detail do not fit under --memory " + size_text(settings.memory_bytes) +
+                                          "; `strata convert` takes any size");
+    }
 }
 
 std::string_view bound_name(BoundBy bound) {

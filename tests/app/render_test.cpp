@@ -72,6 +72,14 @@ TEST_F(Render, PicturesAgreeWithTheBaselines) {
     }
 }
 
+TEST_F(Render, PlainFilesThatDoNotFitAreRefusedByName) {
+    const ProgramResult result = render({"-o", file("none.png"), "--memory", "3M"});
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_NE(result.err.find("village.las: "), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find("do not fit under --memory 3.0 MiB; `strata convert`"), std::string::npos) << result.err;
+    EXPECT_FALSE(std::filesystem::exists(file("none.png")));
+}
+
 TEST_F(Render, SamePixelsForAnyThreadsAndStrips) {
     for (const std::string kind : {"square", "disc", "paraboloid", "gaussian"}) {
         ASSERT_EQ(render({"-o", file("one.png"), "--threads", "1", "--splat", kind}).exit_code, 0);
