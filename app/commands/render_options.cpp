@@ -289,6 +289,9 @@ std::span<const OptionRow> render_option_rows() { return kRows; }
 void check_render_options(const Options& options) {
     if (!options.given("--output")) throw Error(ErrorKind::usage, "render: -o FILE.png is missing");
     if (!is_png_name(options.text("--output"))) refuse("--output", "a name that ends in .png", options.text("--output"));
+    if (options.given("--depth") && options.text("--depth") == options.text("--output"))
+        throw Error(ErrorKind::usage, "--depth: a file of its own is expected, not that of -o");
+    if (options.given("--depth") && options.text("--depth").ends_with(".png")) refuse("--depth", "a name of a PFM file, such as out.pfm", options.text("--depth"));
     parse_size(options.text("--size"));
     parse_color(options.text("--background"));
     parse_fill(options);

@@ -362,7 +362,7 @@ TEST_F(Render, WrongCommandLinesAreUsageErrors) {
         {"--point-size", "0"}, {"--splat", "star"}, {"--min-point-size", "0"}, {"--max-point-size", "257"},
         {"--min-point-size", "9", "--max-point-size", "8"}, {"--min-point-size", "2", "--point-size", "3"}, {"--splat", "surfel"}, {"--error", "0"}, {"--budget", "0"}, {"--meters-per-pixel", "1"},
         {"--reference", "a.png", "--threshold", "-1"}, {"--threshold", "1"},
-        {"--samples", "0"}, {"--samples", "1025"}, {"--time-budget", "-1"},
+        {"--depth", file("never.png")}, {"--depth", file("depth.png")}, {"--samples", "0"}, {"--samples", "1025"}, {"--time-budget", "-1"},
     };
     for (std::vector<std::string> words : wrong) {
         const std::string what = words[0] + " " + words[1];
