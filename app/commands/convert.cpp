@@ -10,8 +10,10 @@
 
 #include "app/commands/commands.h"
 #include "app/commands/spared_inputs.h"
+#include "app/cut_options.h"
 #include "app/progress.h"
 #include "app/quantity_text.h"
+#include "core/cloud/selected_source.h"
 #include "core/error.h"
 #include "core/octree/octree_builder.h"
 #include "io/format.h"
@@ -27,6 +29,9 @@ constexpr OptionRow kRows[] = {
     {"--format", "-f", "FORMAT", "potree", "format of OUT"},
     {"--encoding", "-e", "default|brotli", "default", "potree: plain records, or smaller and slower"},
     {"--quality", "", "0...11", "2", "effort of the brotli encoding; the user guide has its size and time"},
+    {"--bounds", "-b", "BOX", "", "only the points in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units; a number left out is no limit; several with ';'"},
+    {"--classes", "-c", "LIST", "", "only the points of these classes: 2,6 or 3:5"},
+    {"--every", "", "N", "1", "only every N-th point, of those that the others leave"},
     {"--normals", "", "[K]", "16", "compute normals from the K nearest points (3 to 256), as NormalX, NormalY, NormalZ"},
     {"--viewpoint", "", "X,Y,Z", "", "where the scanner stood, CRS units: normals look there; default: upwards"},
     {"--density", "", "", "", "compute the density, points per square unit, from the K nearest points"},
@@ -75,6 +80,16 @@ std::optional<SurfaceSettings> surface_settings(const Options& options) {
     return settings;
 }
 
+// The points that the options ask for.
+std::unique_ptr<PointSource> select_points(std::unique_ptr<PointSource> source, const Options& options) {
+    PointSelection selection;
+    selection.every = uint64_t(options.integer("--every", 1, INT64_MAX));
+    if (options.given("--bounds")) selection.clips = parse_clip_boxes("--bounds", options.text("--bounds"), ClipBox::Action::keep);
+    if (options.given("--classes")) selection.filter = PointFilter(source->info(), parse_filter("--classes", "class=" + options.text("--classes")));
+    if (selection.everything()) return source;
+    return std::make_unique<SelectedSource>(std::move(source), std::move(selection), thread_count(options));
+}
+
 uint64_t peak_memory_bytes() {
     rusage usage{};
     getrusage(RUSAGE_SELF, &usage);
@@ -93,10 +108,11 @@ int run(const Options& options) {
     const std::vector<std::string> inputs = point_files(std::span(options.positional).first(options.positional.size() - 1));
     const bool quiet = options.given("--quiet") || options.given("--json");
     check_inputs_spared(output, inputs);
-    const std::unique_ptr<PointSource> source = open_points(inputs);
+    std::unique_ptr<PointSource> whole = open_points(inputs);
+    const auto writer = make_potree_writer(output, writing);  // refuses an output that exists, before points are read
+    const std::unique_ptr<PointSource> source = select_points(std::move(whole), options);
     const BuildEstimate estimate = estimate_build(source->info(), settings);
     check_disk(output, estimate);
-    const auto writer = make_potree_writer(output, writing);  // refuses an output that exists
     if (!quiet && estimate.memory_bytes <= settings.memory_bytes)
         std::fprintf(stderr, "%s points: at most %s memory, %s temporary, %s output\n", with_commas(source->info().points).c_str(),
                      size_text(estimate.memory_bytes).c_str(), size_text(estimate.temporary_bytes).c_str(),

@@ -57,6 +57,34 @@ TEST_F(ConvertWords, AFolderStandsForTheScansInIt) {
     EXPECT_EQ(bytes_of(file("a/octree.bin")), bytes_of(file("b/octree.bin")));
 }
 
+// Against what render counts by itself: classes, and a box open at the top.
+TEST_F(ConvertWords, APartIsWhatTheOptionsLeave) {
+    const auto points = [&](const std::string& name, std::vector<std::string> words) {
+        words.insert(words.begin(), {"convert", scan("1"), file(name), "--json"});
+        const ProgramResult result = run_strata(words);
+        EXPECT_EQ(result.exit_code, 0) << result.err;
+        return json::parse(result.out)["points_written"].get<int>();
+    };
+    const json exact = json::parse(run_strata({"info", scan("1"), "--exact", "--json"}).out);
+    const int ground = exact["points_by_class"]["2"];
+    EXPECT_EQ(points("ground", {"--classes", "2"}), ground);
+    EXPECT_EQ(points("third", {"--classes", "2", "--every", "3"}), (ground + 2) / 3);
+    const double low = exact["bounds"]["min"][0], high = exact["bounds"]["max"][0], middle = 0.5 * (low + high);
+    const std::string x = std::to_string(middle);
+    const int left = points("left", {"--bounds", ",,," + x + ",,"}), right = points("right", {"--bounds", x + ",,,,,"});
+    EXPECT_GT(left, 500);
+    EXPECT_GE(left + right, 5000);
+    EXPECT_LE(left + right, 5010);  // those on the face are in both
+    const json part = json::parse(run_strata({"info", file("left"), "--exact", "--json"}).out);
+    EXPECT_LE(part["bounds"]["max"][0].get<double>(), middle + 1e-9);
+    EXPECT_EQ(points("none", {"--classes", "77"}), 0);
+    for (const std::vector<std::string>& wrong : std::vector<std::vector<std::string>>{{"--every", "0"}, {"--classes", "x"}, {"--bounds", "1,2"}}) {
+        std::vector<std::string> words = {"convert", scan("1"), file("wrong")};
+        words.insert(words.end(), wrong.begin(), wrong.end());
+        EXPECT_EQ(run_strata(words).exit_code, 2) << wrong[0];
+    }
+}
+
 // What is in the folder and cannot be read must not be missing in silence.
 TEST_F(ConvertWords, ADamagedScanInTheFolderIsNamed) {
     std::string bytes = bytes_of(scan("2"));
