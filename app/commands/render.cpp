@@ -10,6 +10,7 @@
 #include "app/commands/render_options.h"
 #include "app/commands/spared_inputs.h"
 #include "app/quantity_text.h"
+#include "core/cloud/preview_source.h"
 #include "core/error.h"
 #include "core/octree/memory_cloud.h"
 #include "io/format.h"
@@ -22,10 +23,13 @@
 namespace strata {
 namespace {
 
+constexpr uint64_t kPreviewPoints = 2'000'000;
+
 std::unique_ptr<LayeredCloud> open_cloud(const Options& options) {
     const std::vector<std::string> paths = point_files(options.positional);
     if (paths.size() == 1 && identify_format(paths[0]).kind == FormatKind::layered) return open_layered(paths[0]);
-    const std::unique_ptr<PointSource> source = open_points(paths);
+    std::unique_ptr<PointSource> source = open_points(paths);
+    if (options.given("--preview")) source = std::make_unique<PreviewSource>(*source, kPreviewPoints, thread_count(options));
     for (const std::string& note : source->info().notes)
         if (paths.size() > 1 && !options.given("--quiet")) std::fprintf(stderr, "note: %s\n", note.c_str());
     BuildSettings settings;

@@ -33,6 +33,7 @@ constexpr OptionRow kRows[] = {
     {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, normal, density, or an attribute; default: rgb, else elevation"},
     {"--colormap", "", "NAME", "", "color map for quantities"},
     {"--range", "", "LOW,HIGH", "", "values that the color map reaches over; default: 2nd to 98th percentile"},
+    {"--preview", "", "", "", "of LAS and LAZ files, the first of each run of points only, 2 million at most: a first look at any size"},
     {"--splat", "", "KIND", "paraboloid", "how a point is drawn: square, disc, paraboloid (they meet where they overlap on a surface), gaussian (paraboloids whose colors are averaged: smooth) or surfel (a disc across the point's normal, of 'convert --normals')"},
     {"--point-size", "", "adaptive|PIXELS", "adaptive", "diameter of a point; adaptive: from the spacing of the points, so that surfaces close"},
     {"--min-point-size", "", "PIXELS", "1", "least diameter of adaptive sizes"},

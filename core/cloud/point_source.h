@@ -37,6 +37,10 @@ public:
     /// wanted  indices into info().attributes; positions always come
     /// throws  Error{malformed, io}, naming the file and the place
     virtual void read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const = 0;
+
+    /// Reads the first points of a batch, at most `most`; fewer, or none, where they cannot be reached without what lies before them.
+    /// Formats that can do it for less than the whole batch do.
+    virtual void read_first(uint64_t index, uint64_t most, std::span<const int> wanted, PointBatch& out) const;
 };
 
 }  // namespace strata

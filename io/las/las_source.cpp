@@ -29,9 +29,9 @@ LasSource::LasSource(std::unique_ptr<ByteSource> bytes)
     info_ = las::cloud_info(*bytes_, header_, columns_, "las", std::move(notes_));
 }
 
-void LasSource::read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const {
+void LasSource::read_first(uint64_t index, uint64_t most, std::span<const int> wanted, PointBatch& out) const {
     const uint64_t first = index * kBatchPoints;
-    const size_t count = size_t(std::min(kBatchPoints, header_.points - first));
+    const size_t count = size_t(std::min({most, kBatchPoints, header_.points - first}));
     const size_t record_size = header_.record_size, step = std::max<size_t>(1, kReadBytes / record_size);
     resize_batch(out, count, info_.attributes, wanted);
 

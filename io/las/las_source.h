@@ -20,7 +20,8 @@ public:
     const CloudInfo& info() const override { return info_; }
     const las::Header& header() const { return header_; }
     uint64_t batch_count() const override { return (header_.points + kBatchPoints - 1) / kBatchPoints; }
-    void read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const override;
+    void read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const override { read_first(index, kBatchPoints, wanted, out); }
+    void read_first(uint64_t index, uint64_t most, std::span<const int> wanted, PointBatch& out) const override;
 
 private:
     std::unique_ptr<ByteSource> bytes_;

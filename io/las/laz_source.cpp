@@ -167,6 +167,19 @@ void LazSource::read_batch(uint64_t index, std::span<const int> wanted, PointBat
     });
 }
 
+void LazSource::read_first(uint64_t index, uint64_t most, std::span<const int> wanted, PointBatch& out) const {
+    const Batch& from = batch(index);
+    const bool in_reach = from.first_point == 0 && (index == 0 || !chunks_.sequential);
+    const uint64_t points = in_reach ? std::min(most, from.points) : 0;
+    resize_batch(out, size_t(points), info_.attributes, wanted);
+    if (points == 0) return;
+    size_t row = 0;
+    Walk(*this, from.chunk, las::select_bytes(columns_, header_.record_size, wanted)).read(points, [&](const std::byte* records, size_t count) {
+        columns_.decode({records, count * header_.record_size}, wanted, row, out);
+        row += count;
+    });
+}
+
 std::vector<std::byte> LazSource::read_records(uint64_t index) const {
     std::vector<std::byte> all;
     all.reserve(size_t(batch(index).points) * header_.record_size);

@@ -28,6 +28,7 @@ public:
     const las::Header& header() const { return header_; }
     uint64_t batch_count() const override { return batch_count_; }
     void read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const override;
+    void read_first(uint64_t index, uint64_t most, std::span<const int> wanted, PointBatch& out) const override;
 
     /// The records of a batch as an uncompressed file would have them, [points * record size] bytes.
     std::vector<std::byte> read_records(uint64_t index) const;

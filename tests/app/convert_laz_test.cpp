@@ -81,6 +81,16 @@ TEST_P(LazCommands, RenderDrawsTheSame) {
     EXPECT_EQ(bytes_of(laz() + ".png"), bytes_of(las() + ".png"));
 }
 
+// A preview of a file that is smaller than what it takes is the whole picture.
+TEST_P(LazCommands, APreviewOfAFewPointsIsAllOfThem) {
+    for (const std::string& scan : {las(), laz()}) {
+        const ProgramResult result = run_strata({"render", scan, "-o", scan + ".png", "--size", "64x64", "--stats", "--preview"});
+        ASSERT_EQ(result.exit_code, 0) << result.err;
+        EXPECT_EQ(json::parse(result.out)["points_drawn"], kPoints);
+    }
+    EXPECT_EQ(bytes_of(laz() + ".png"), bytes_of(las() + ".png"));
+}
+
 INSTANTIATE_TEST_SUITE_P(Laz, LazCommands,
                          ::testing::Values(Pair{"format5_version2.laz", 5, 3}, Pair{"format8_chunks_of_any_size.laz", 8, 2},
                                            Pair{"format10_version4.laz", 10, 3}),

@@ -117,6 +117,24 @@ TEST_P(LazGolden, EachAttributeAloneIsTheSame) {
     }
 }
 
+// What a preview takes of a batch is what the batch begins with, of some attributes as of all.
+TEST_P(LazGolden, FirstPointsAreThoseOfTheBatch) {
+    const LazSource source = open(file());
+    const std::vector<int> wanted = {0};
+    for (uint64_t index = 0; index < source.batch_count(); ++index) {
+        PointBatch whole, first;
+        source.read_batch(index, wanted, whole);
+        for (const uint64_t most : {uint64_t{0}, uint64_t{1}, uint64_t{33}, UINT64_MAX}) {
+            source.read_first(index, most, wanted, first);
+            if (index > 0 && first.size == 0) continue;  // not to be reached without what lies before
+            ASSERT_EQ(first.size, std::min<uint64_t>(most, whole.size));
+            EXPECT_TRUE(std::equal(first.x.begin(), first.x.end(), whole.x.begin()));
+            EXPECT_TRUE(std::equal(first.z.begin(), first.z.end(), whole.z.begin()));
+            EXPECT_TRUE(std::equal(first.columns[0].begin(), first.columns[0].end(), whole.columns[0].begin()));
+        }
+    }
+}
+
 INSTANTIATE_TEST_SUITE_P(Laz, LazGolden, ::testing::ValuesIn(kGoldens), [](const auto& golden_file) { return std::string(golden_file.param.name); });
 
 // A chunk too large for a batch is read in parts, in whatever order they are asked for.
