@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cmath>
-#include <map>
 #include <mutex>
 #include <shared_mutex>
 #include <string>
@@ -10,6 +9,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "io/claimed_ranges.h"
 #include "io/copc/copc_hierarchy.h"
 #include "io/las/las_extra_bytes.h"
 #include "io/las/las_info.h"
@@ -121,12 +121,9 @@ private:
         return {ErrorKind::malformed, bytes_->name() + ": hierarchy: node " + copc::entry_name(key) + ": " + message};
     }
 
-    /// No byte belongs to two chunks or pages: so the hierarchy has no cycle and no point comes twice.
+    /// No byte belongs to two chunks or pages, so that no point comes twice.
     void claim(const NodeKey& key, uint64_t offset, uint64_t size) {
-        const auto next = claimed_.lower_bound(offset);
-        const bool overlaps = (next != claimed_.end() && next->first < offset + size) || (next != claimed_.begin() && std::prev(next)->second > offset);
-        if (overlaps) throw at_node(key, "its bytes at " + std::to_string(offset) + " are part of another node or page");
-        claimed_.emplace_hint(next, offset, offset + size);
+        if (!claimed_.claim(offset, size)) throw at_node(key, "its bytes at " + std::to_string(offset) + " are part of another node or page");
     }
 
     LayeredNode layered_node(const Entry& entry, NodeId parent) const {
@@ -158,7 +155,7 @@ private:
         Growth(const Growth&) = delete;
         Growth& operator=(const Growth&) = delete;
         ~Growth() {
-            for (const uint64_t offset : claims) cloud.claimed_.erase(offset);
+            for (const uint64_t offset : claims) cloud.claimed_.release(offset);
         }
 
         void claim(const Entry& entry) {
@@ -233,7 +230,7 @@ private:
     std::vector<LayeredNode> nodes_;
     mutable std::shared_mutex nodes_mutex_;  // between readers and the one thread that adds nodes and needs none to read them
     std::unordered_map<NodeId, std::shared_ptr<const Page>> pending_;  // nodes some of whose children are on pages not read yet, and the page that says so
-    std::map<uint64_t, uint64_t> claimed_;  // begin to end of each page and chunk that a node names
+    ClaimedRanges claimed_;                 // the pages and chunks that a node names
     uint64_t points_listed_ = 0;            // of all nodes so far; never more than the header states
 };
 

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 #include <mutex>
 #include <shared_mutex>
 #include <unordered_map>
 
 #include "core/error.h"
+#include "io/claimed_ranges.h"
 #include "io/potree/potree_hierarchy.h"
 #include "io/potree/potree_metadata.h"
 #include "io/potree/potree_node.h"
@@ -117,14 +117,10 @@ private:
                                    " bytes found");
     }
 
-    /// A chunk belongs to one proxy, and no byte to two chunks: so the hierarchy has no cycle and is never larger than
-    /// its file.
+    /// A chunk belongs to one proxy, and no byte to two chunks.
     void claim_chunk(const ChunkRange& range, const NodeKey& key) {
-        const auto next = claimed_.lower_bound(range.offset);
-        const bool overlaps = (next != claimed_.end() && next->first < range.offset + range.size) ||
-                              (next != claimed_.begin() && std::prev(next)->second > range.offset);
-        if (overlaps) throw at_node(key, "its chunk at byte " + std::to_string(range.offset) + " is part of another");
-        claimed_.emplace_hint(next, range.offset, range.offset + range.size);
+        if (!claimed_.claim(range.offset, range.size))
+            throw at_node(key, "its chunk at byte " + std::to_string(range.offset) + " is part of another");
     }
 
     PotreePage read_chunk(const ChunkRange& range, const NodeKey& root) const {
@@ -205,7 +201,7 @@ private:
                 claim_chunk({proxies[claims].record.byte_offset, proxies[claims].record.byte_size}, proxies[claims].key);
             add_nodes(root_id, page);
         } catch (...) {
-            while (claims > 0) claimed_.erase(proxies[--claims].record.byte_offset);
+            while (claims > 0) claimed_.release(proxies[--claims].record.byte_offset);
             throw;
         }
     }
@@ -258,7 +254,7 @@ private:
     std::vector<LayeredNode> nodes_;
     mutable std::shared_mutex nodes_mutex_;  // between read_node and the one thread that adds nodes and needs none to read them
     std::unordered_map<NodeId, ChunkRange> pending_;  // nodes whose children are in a chunk not read yet
-    std::map<uint64_t, uint64_t> claimed_;            // begin to end of each chunk that some proxy names
+    ClaimedRanges claimed_;                           // the chunks that some proxy names
     uint64_t points_listed_ = 0;  // of all nodes so far; never more than metadata.json states
 };
 
