@@ -26,6 +26,14 @@ las::Header read_compressed_header(const ByteSource& bytes) {
     return header;
 }
 
+// Puts records into the rows of a batch as they come.
+auto rows_of(const las::Columns& columns, size_t record_size, std::span<const int> wanted, PointBatch& out) {
+    return [&columns, record_size, wanted, &out, row = size_t{0}](const std::byte* records, size_t count) mutable {
+        columns.decode({records, count * record_size}, wanted, row, out);
+        row += count;
+    };
+}
+
 bool is_copc(const las::Header& header) { return !header.records.empty() && header.records.front().user_id == "copc"; }
 
 }  // namespace
@@ -160,24 +168,16 @@ void LazSource::read_in_order(uint64_t index, Sink sink) const {
 
 void LazSource::read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const {
     resize_batch(out, size_t(batch(index).points), info_.attributes, wanted);
-    size_t row = 0;
-    read_points(index, las::select_bytes(columns_, header_.record_size, wanted), [&](const std::byte* records, size_t count) {
-        columns_.decode({records, count * header_.record_size}, wanted, row, out);
-        row += count;
-    });
+    read_points(index, las::select_bytes(columns_, header_.record_size, wanted), rows_of(columns_, header_.record_size, wanted, out));
 }
 
 void LazSource::read_first(uint64_t index, uint64_t most, std::span<const int> wanted, PointBatch& out) const {
-    const Batch& from = batch(index);
+    const Batch from = batch(index);
     const bool in_reach = from.first_point == 0 && (index == 0 || !chunks_.sequential);
     const uint64_t points = in_reach ? std::min(most, from.points) : 0;
     resize_batch(out, size_t(points), info_.attributes, wanted);
     if (points == 0) return;
-    size_t row = 0;
-    Walk(*this, from.chunk, las::select_bytes(columns_, header_.record_size, wanted)).read(points, [&](const std::byte* records, size_t count) {
-        columns_.decode({records, count * header_.record_size}, wanted, row, out);
-        row += count;
-    });
+    Walk(*this, from.chunk, las::select_bytes(columns_, header_.record_size, wanted)).read(points, rows_of(columns_, header_.record_size, wanted, out));
 }
 
 std::vector<std::byte> LazSource::read_records(uint64_t index) const {
