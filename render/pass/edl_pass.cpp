@@ -5,19 +5,16 @@
 #include "render/gl/egl_context.h"
 #include "render/gl/program.h"
 #include "render/gl/texture.h"
+#include "render/pass/gbuffer_textures.h"
 
 namespace strata {
 namespace {
 
 struct Targets {
-    Targets(uint32_t width, uint32_t height)
-        : colors(TexelFormat::rgba8, width, height),
-          depths(TexelFormat::r32f, width, height),
-          splats(TexelFormat::r8, width, height),
-          shaded(TexelFormat::rgba8, width, height),
-          framebuffer(shaded) {}
+    Targets(uint32_t width, uint32_t height) : in(width, height), shaded(TexelFormat::rgba8, width, height), framebuffer(shaded) {}
 
-    Texture colors, depths, splats, shaded;
+    GBufferTextures in;
+    Texture shaded;
     Framebuffer framebuffer;
 };
 
@@ -33,17 +30,9 @@ EdlPass::~EdlPass() = default;
 
 void EdlPass::shade(const GBuffer& in, const EdlSettings& settings, const Camera& camera, uint32_t height_px, uint32_t first,
                     uint32_t rows, std::span<Rgba8> out) {
-    std::optional<Targets>& targets = resources_->targets;
-    if (!targets || targets->colors.width() != in.width || targets->colors.height() < in.rows) {
-        targets.reset();
-        targets.emplace(in.width, in.rows);
-    }
-    targets->colors.upload(in.colors.data(), in.rows);
-    targets->depths.upload(in.depths.data(), in.rows);
-    if (settings.follow_splats) targets->splats.upload(in.splat_px.data(), in.rows);
-    targets->colors.bind(0);
-    targets->depths.bind(1);
-    targets->splats.bind(2);
+    Targets& targets = targets_for(resources_->targets, in);
+    targets.in.upload(in);
+    targets.in.bind(0);
     const Vec2f pixel_world = pixel_world_size(camera, height_px);
     const Program& program = resources_->program;
     program.set(0, int32_t(in.width), int32_t(in.rows));
@@ -53,8 +42,8 @@ void EdlPass::shade(const GBuffer& in, const EdlSettings& settings, const Camera
     program.set(4, settings.most_response);
     program.set(5, int32_t(settings.follow_splats));
     program.use();
-    targets->framebuffer.draw_covering(in.rows);
-    targets->framebuffer.read(first, rows, out.data());
+    targets.framebuffer.draw_covering(in.rows);
+    targets.framebuffer.read(first, rows, out.data());
 }
 
 }  // namespace strata

@@ -9,19 +9,16 @@
 #include "render/gl/program.h"
 #include "render/gl/texture.h"
 #include "render/pass/edl_settings.h"
+#include "render/pass/gbuffer_textures.h"
 
 namespace strata {
 namespace {
 
 struct Targets {
-    Targets(uint32_t width, uint32_t height)
-        : colors(TexelFormat::rgba8, width, height),
-          depths(TexelFormat::r32f, width, height),
-          splats(TexelFormat::r8, width, height),
-          filled(TexelFormat::rgba32ui, width, height),
-          framebuffer(filled) {}
+    Targets(uint32_t width, uint32_t height) : in(width, height), filled(TexelFormat::rgba32ui, width, height), framebuffer(filled) {}
 
-    Texture colors, depths, splats, filled;
+    GBufferTextures in;
+    Texture filled;
     Framebuffer framebuffer;
 };
 
@@ -39,17 +36,9 @@ FillPass::FillPass(const EglContext&) : resources_(std::make_unique<Resources>()
 FillPass::~FillPass() = default;
 
 void FillPass::fill(GBuffer& gbuffer, const FillSettings& settings, const Camera& camera, uint32_t height_px) {
-    std::optional<Targets>& targets = resources_->targets;
-    if (!targets || targets->colors.width() != gbuffer.width || targets->colors.height() < gbuffer.rows) {
-        targets.reset();
-        targets.emplace(gbuffer.width, gbuffer.rows);
-    }
-    targets->colors.upload(gbuffer.colors.data(), gbuffer.rows);
-    targets->depths.upload(gbuffer.depths.data(), gbuffer.rows);
-    targets->splats.upload(gbuffer.splat_px.data(), gbuffer.rows);
-    targets->colors.bind(0);
-    targets->depths.bind(1);
-    targets->splats.bind(2);
+    Targets& targets = targets_for(resources_->targets, gbuffer);
+    targets.in.upload(gbuffer);
+    targets.in.bind(0);
     const Vec2f pixel_world = pixel_world_size(camera, height_px);
     const Program& program = resources_->program;
     program.set(0, int32_t(gbuffer.width), int32_t(gbuffer.rows));
@@ -58,10 +47,10 @@ void FillPass::fill(GBuffer& gbuffer, const FillSettings& settings, const Camera
     program.set(3, int32_t(settings.follow_splats));
     program.set(4, int32_t(camera.projection == Projection::perspective));
     program.use();
-    targets->framebuffer.draw_covering(gbuffer.rows);
+    targets.framebuffer.draw_covering(gbuffer.rows);
     std::vector<Texel>& texels = resources_->texels;
     texels.resize(gbuffer.depths.size());
-    targets->framebuffer.read_integers(0, gbuffer.rows, texels.data());
+    targets.framebuffer.read_integers(0, gbuffer.rows, texels.data());
 
     // Splats and identities of others are read as they were.
     const std::vector<uint8_t> splats = gbuffer.splat_px;

@@ -8,6 +8,7 @@
 #include "render/gl/program.h"
 #include "render/gl/texture.h"
 #include "render/pass/edl_settings.h"
+#include "render/pass/gbuffer_textures.h"
 #include "render/pass/ssao_directions.h"
 
 namespace strata {
@@ -23,9 +24,7 @@ struct Plane {
 
 struct Targets {
     Targets(uint32_t width, uint32_t height)
-        : colors(TexelFormat::rgba8, width, height),
-          depths(TexelFormat::r32f, width, height),
-          splats(TexelFormat::r8, width, height),
+        : in(width, height),
           surface(TexelFormat::rgba32f, (width + 1) / 2, (height + 1) / 2),
           other_surface(TexelFormat::rgba32f, (width + 1) / 2, (height + 1) / 2),
           slopes(TexelFormat::rgba32f, (width + 1) / 2, (height + 1) / 2),
@@ -33,7 +32,7 @@ struct Targets {
           blurred(TexelFormat::r32f, (width + 1) / 2, (height + 1) / 2),
           shaded(TexelFormat::rgba8, width, height) {}
 
-    Texture colors, depths, splats;
+    GBufferTextures in;
     Plane surface, other_surface, slopes, open, blurred, shaded;
 };
 
@@ -65,28 +64,19 @@ SsaoPass::~SsaoPass() = default;
 
 void SsaoPass::shade(GBuffer& gbuffer, const SsaoSettings& settings, const Camera& camera, uint32_t height_px) {
     Resources& gl = *resources_;
-    if (!gl.targets || gl.targets->colors.width() != gbuffer.width || gl.targets->colors.height() < gbuffer.rows) {
-        gl.targets.reset();
-        gl.targets.emplace(gbuffer.width, gbuffer.rows);
-    }
-    Targets& targets = *gl.targets;
-    targets.colors.upload(gbuffer.colors.data(), gbuffer.rows);
-    targets.depths.upload(gbuffer.depths.data(), gbuffer.rows);
-    targets.splats.upload(gbuffer.splat_px.data(), gbuffer.rows);
+    Targets& targets = targets_for(gl.targets, gbuffer);
+    targets.in.upload(gbuffer);
+    targets.in.bind(3);
 
     // Samples are the pixels with even places in the whole picture, so that strips do not show.
     const uint32_t first_odd = gbuffer.first_row % 2, half_width = (gbuffer.width + 1) / 2, half_rows = (gbuffer.rows - first_odd + 1) / 2;
     const int32_t first_half_row = int32_t(gbuffer.first_row + 1) / 2, perspective = camera.projection == Projection::perspective;
     const Vec2f pixel_world = pixel_world_size(camera, height_px);
-    if (half_rows > 0) {
-        targets.depths.bind(0);
-        targets.splats.bind(1);
-        gl.sample.set(0, int32_t(first_odd));
-        gl.sample.set(1, pixel_world.x(), pixel_world.y());
-        gl.sample.set(2, perspective);
-        gl.sample.use();
-        targets.surface.framebuffer.draw_covering(half_rows);
-    }
+    gl.sample.set(0, int32_t(first_odd));
+    gl.sample.set(1, pixel_world.x(), pixel_world.y());
+    gl.sample.set(2, perspective);
+    gl.sample.use();
+    targets.surface.framebuffer.draw_covering(half_rows);
     for (const Program* program : {&gl.smooth, &gl.slope, &gl.occlude, &gl.blur, &gl.apply})
         program->set(0, int32_t(half_width), int32_t(half_rows));
     const Plane *surface = &targets.surface, *other = &targets.other_surface;
@@ -117,9 +107,6 @@ void SsaoPass::shade(GBuffer& gbuffer, const SsaoSettings& settings, const Camer
     targets.blurred.framebuffer.draw_covering(half_rows);
 
     targets.blurred.texture.bind(2);
-    targets.colors.bind(3);
-    targets.depths.bind(4);
-    targets.splats.bind(5);
     gl.apply.set(1, perspective);
     gl.apply.set(2, int32_t(gbuffer.first_row));
     gl.apply.set(3, first_half_row);

@@ -2,8 +2,8 @@
 // half_sample.frag: every second pixel of every second row of a G-buffer as nearness. depth_normals.cpp is its twin on the CPU.
 // in      linear eye depth, infinite where nothing was drawn; diameters of splats
 // out     a texel of half_surface.glsl
-layout(binding = 0) uniform sampler2D depths;
-layout(binding = 1) uniform sampler2D splats;     // diameters in px, over 255
+layout(binding = 4) uniform sampler2D depths;
+layout(binding = 5) uniform sampler2D splats;     // diameters in px, over 255
 layout(location = 0) uniform int first_row;       // of the texture that is sampled: that which is even in the whole picture
 layout(location = 1) uniform vec2 pixel_world;    // a pixel covers pixel_world.x * depth + pixel_world.y world units
 layout(location = 2) uniform bool perspective;
