@@ -131,11 +131,14 @@ std::vector<std::string> point_files(std::span<const std::string> words) {
     return files;
 }
 
-std::unique_ptr<PointSource> open_points(std::span<const std::string> paths) {
+std::unique_ptr<PointSource> open_points(std::span<const std::string> paths, const WrapSource& wrap) {
     if (paths.empty()) throw Error(ErrorKind::usage, "no file of points was named");
-    if (paths.size() == 1) return open_points_file(paths.front());
     std::vector<std::unique_ptr<PointSource>> sources;
-    for (const std::string& path : paths) sources.push_back(open_points_file(path));
+    for (const std::string& path : paths) {
+        sources.push_back(open_points_file(path));
+        if (wrap) sources.back() = wrap(std::move(sources.back()));
+    }
+    if (sources.size() == 1) return std::move(sources.front());
     return merge_sources(std::move(sources), std::vector<std::string>(paths.begin(), paths.end()));
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -39,9 +40,13 @@ const Format& identify_format(const std::string& path);
 /// throws  Error{not_found}: a folder without such files
 std::vector<std::string> point_files(std::span<const std::string> words);
 
+/// Makes a source of another, such as a part of it.
+using WrapSource = std::function<std::unique_ptr<PointSource>(std::unique_ptr<PointSource>)>;
+
 /// Opens one plain file, or several as one cloud: the finest scale, the union of attributes.
+/// wrap    what to take of each file; none: all of it
 /// throws  Error, naming the file and the place
-std::unique_ptr<PointSource> open_points(std::span<const std::string> paths);
+std::unique_ptr<PointSource> open_points(std::span<const std::string> paths, const WrapSource& wrap = {});
 
 /// Opens a level-of-detail data set.
 std::unique_ptr<LayeredCloud> open_layered(const std::string& path);

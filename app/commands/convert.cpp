@@ -80,14 +80,25 @@ std::optional<SurfaceSettings> surface_settings(const Options& options) {
     return settings;
 }
 
-// The points that the options ask for.
-std::unique_ptr<PointSource> select_points(std::unique_ptr<PointSource> source, const Options& options) {
-    PointSelection selection;
-    selection.every = uint64_t(options.integer("--every", 1, INT64_MAX));
-    if (options.given("--bounds")) selection.clips = parse_clip_boxes("--bounds", options.text("--bounds"), ClipBox::Action::keep);
-    if (options.given("--classes")) selection.filter = PointFilter(source->info(), parse_filter("--classes", "class=" + options.text("--classes")));
+// What the options ask for, before the cloud is known.
+struct WantedPoints {
+    std::vector<ClipBox> bounds;
+    std::vector<FilterTerm> classes;
+    uint64_t every = 1;
+};
+
+WantedPoints wanted_points(const Options& options) {
+    WantedPoints wanted;
+    if (options.given("--bounds")) wanted.bounds = parse_clip_boxes("--bounds", options.text("--bounds"), ClipBox::Action::keep);
+    if (options.given("--classes")) wanted.classes = parse_filter("--classes", "class=" + options.text("--classes"));
+    wanted.every = uint64_t(options.integer("--every", 1, INT64_MAX));
+    return wanted;
+}
+
+std::unique_ptr<PointSource> select_points(std::unique_ptr<PointSource> source, const WantedPoints& wanted, int threads) {
+    PointSelection selection = {wanted.bounds, PointFilter(source->info(), wanted.classes), wanted.every};
     if (selection.everything()) return source;
-    return std::make_unique<SelectedSource>(std::move(source), std::move(selection), thread_count(options));
+    return std::make_unique<SelectedSource>(std::move(source), std::move(selection), threads);
 }
 
 uint64_t peak_memory_bytes() {
@@ -104,13 +115,14 @@ int run(const Options& options) {
     settings.threads = thread_count(options);
     settings.memory_bytes = memory_cap(options);
     settings.surface = surface_settings(options);
+    const WantedPoints wanted = wanted_points(options);
     const std::string output = options.positional.back();
     const std::vector<std::string> inputs = point_files(std::span(options.positional).first(options.positional.size() - 1));
     const bool quiet = options.given("--quiet") || options.given("--json");
     check_inputs_spared(output, inputs);
     std::unique_ptr<PointSource> whole = open_points(inputs);
     const auto writer = make_potree_writer(output, writing);  // refuses an output that exists, before points are read
-    const std::unique_ptr<PointSource> source = select_points(std::move(whole), options);
+    const std::unique_ptr<PointSource> source = select_points(std::move(whole), wanted, settings.threads);
     const BuildEstimate estimate = estimate_build(source->info(), settings);
     check_disk(output, estimate);
     if (!quiet && estimate.memory_bytes <= settings.memory_bytes)

@@ -23,13 +23,22 @@
 namespace strata {
 namespace {
 
-constexpr uint64_t kPreviewPoints = 2'000'000;
+// Takes a few points of each file before they become one cloud, so that no more are read. An eighth of the memory is theirs:
+// making their levels takes several times as much.
+WrapSource preview_of(const Options& options, size_t files) {
+    constexpr uint64_t kMostPoints = 2'000'000;
+    const uint64_t points = std::max<uint64_t>(kMostPoints / files, 1), bytes = memory_cap(options) / 8 / files;
+    return [points, bytes, threads = thread_count(options)](std::unique_ptr<PointSource> source) {
+        uint64_t point_bytes = 3 * sizeof(int32_t);
+        for (const Attribute& attribute : source->info().attributes) point_bytes += attribute.size_bytes();
+        return std::make_unique<PreviewSource>(*source, std::clamp<uint64_t>(bytes / point_bytes, 1, points), threads);
+    };
+}
 
 std::unique_ptr<LayeredCloud> open_cloud(const Options& options) {
     const std::vector<std::string> paths = point_files(options.positional);
     if (paths.size() == 1 && identify_format(paths[0]).kind == FormatKind::layered) return open_layered(paths[0]);
-    std::unique_ptr<PointSource> source = open_points(paths);
-    if (options.given("--preview")) source = std::make_unique<PreviewSource>(*source, kPreviewPoints, thread_count(options));
+    const std::unique_ptr<PointSource> source = open_points(paths, options.given("--preview") ? preview_of(options, paths.size()) : WrapSource());
     for (const std::string& note : source->info().notes)
         if (paths.size() > 1 && !options.given("--quiet")) std::fprintf(stderr, "note: %s\n", note.c_str());
     BuildSettings settings;

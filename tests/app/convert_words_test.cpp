@@ -78,11 +78,13 @@ TEST_F(ConvertWords, APartIsWhatTheOptionsLeave) {
     const json part = json::parse(run_strata({"info", file("left"), "--exact", "--json"}).out);
     EXPECT_LE(part["bounds"]["max"][0].get<double>(), middle + 1e-9);
     EXPECT_EQ(points("none", {"--classes", "77"}), 0);
-    for (const std::vector<std::string>& wrong : std::vector<std::vector<std::string>>{{"--every", "0"}, {"--classes", "x"}, {"--bounds", "1,2"}}) {
-        std::vector<std::string> words = {"convert", scan("1"), file("wrong")};
-        words.insert(words.end(), wrong.begin(), wrong.end());
-        EXPECT_EQ(run_strata(words).exit_code, 2) << wrong[0];
-    }
+}
+
+// Of several files a preview takes as much of each.
+TEST_F(ConvertWords, APreviewOfAFolderShowsEveryFile) {
+    const ProgramResult result = run_strata({"render", file("scans"), "-o", file("look.png"), "--size", "200x200", "--error", "0.001", "--preview", "--stats"});
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_EQ(json::parse(result.out)["points_drawn"], 10000);
 }
 
 // What is in the folder and cannot be read must not be missing in silence.
@@ -109,7 +111,8 @@ TEST_F(ConvertWords, FailuresAreOneLineAndComeFirst) {
 
 TEST_F(ConvertWords, WrongOptionsAreUsageErrorsBeforeAnythingIsRead) {
     for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
-             {"--encoding", "zip"}, {"--quality", "12", "--encoding", "brotli"}, {"--quality", "5"}, {"--format", "copc"}, {"--memory", "0"}}) {
+             {"--encoding", "zip"}, {"--quality", "12", "--encoding", "brotli"}, {"--quality", "5"}, {"--format", "copc"}, {"--memory", "0"},
+             {"--every", "0"}, {"--classes", "x"}, {"--bounds", "1,2"}}) {
         std::vector<std::string> line = {"convert", file("not there.las"), file("out")};
         line.insert(line.end(), words.begin(), words.end());
         const ProgramResult result = run_strata(line);
