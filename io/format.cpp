@@ -28,7 +28,7 @@ constexpr std::array kFormats = {
     Format{"e57", "ASTM E57", ".e57", FormatKind::not_readable, false},
     Format{"ply", "Stanford polygon file", ".ply", FormatKind::not_readable, false},
     Format{"pcd", "Point Cloud Library file", ".pcd", FormatKind::not_readable, false},
-    Format{"draco", "Draco compressed mesh or points", ".drc", FormatKind::not_readable, false},
+    Format{"drc", "Draco compressed mesh or points", ".drc", FormatKind::not_readable, false},
 };
 
 const Format& format_named(std::string_view name) {
@@ -60,9 +60,13 @@ const Format& identify_folder(const std::string& path) {
     throw Error(ErrorKind::unsupported, path + ": a folder without data: metadata.json of Potree 2.0 is expected");
 }
 
+std::string lower_case(std::string text) {
+    std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+    return text;
+}
+
 bool is_las_name(const fs::path& path) {
-    std::string ending = path.extension().string();
-    std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+    const std::string ending = lower_case(path.extension().string());
     return ending == ".las" || ending == ".laz";
 }
 
@@ -81,7 +85,7 @@ const Format& identify_bytes(const ByteSource& source) {
     if (head.starts_with("ASTM-E57")) return format_named("e57");
     if (head.starts_with("ply\n") || head.starts_with("ply\r")) return format_named("ply");
     if (head.starts_with("# .PCD") || head.starts_with("VERSION .7") || head.starts_with("VERSION 0.7")) return format_named("pcd");
-    if (head.starts_with("DRACO")) return format_named("draco");
+    if (head.starts_with("DRACO")) return format_named("drc");
     if (head.starts_with("pnts")) return format_named("3dtiles");
     throw Error(ErrorKind::unsupported, source.name() + ": " + (size == 0 ? "an empty file" : "not a format that strata knows") +
                                             "; this version reads " + readable_names());
@@ -110,6 +114,22 @@ const Format& identify_format(const std::string& path) {
     if (fs::is_directory(path, ignored)) return identify_folder(path);
     if (fs::path(path).filename() == "metadata.json") return identify_folder(fs::path(path).parent_path().string());
     return identify_bytes(*open_file(path));
+}
+
+std::string_view format_of_name(const std::string& path) {
+    const std::string name = lower_case(fs::path(path).filename().string());
+    std::string_view longest, format = "potree";
+    for (const Format& candidate : kFormats)
+        for (size_t begin = 0; begin < candidate.endings.size();) {
+            const size_t end = std::min(candidate.endings.find(' ', begin), candidate.endings.size());
+            const std::string_view ending = candidate.endings.substr(begin, end - begin);
+            if (name.ends_with(ending) && ending.size() > longest.size()) {
+                longest = ending;
+                format = candidate.name;
+            }
+            begin = end + 1;
+        }
+    return format;
 }
 
 std::vector<std::string> point_files(std::span<const std::string> words) {

@@ -35,6 +35,10 @@ std::span<const Format> all_formats();
 /// throws  Error{not_found, unsupported, io}: the path and the formats that are known
 const Format& identify_format(const std::string& path);
 
+/// The name of the format that an output of that name would have by its ending: the longest that fits. "potree" for a name
+/// that says nothing.
+std::string_view format_of_name(const std::string& path);
+
 /// The files that words of a command line stand for: a folder that is no data set means the LAS and LAZ files in it, in the
 /// order of their names; any other word means itself.
 /// throws  Error{not_found}: a folder without such files

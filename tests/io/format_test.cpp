@@ -36,7 +36,7 @@ TEST(Format, FirstBytesDecide) {
         {"ply", test::bytes_of("ply\nformat ascii 1.0\n")},
         {"pcd", test::bytes_of("# .PCD v0.7 - Point Cloud Data\n")},
         {"e57", test::bytes_of("ASTM-E57\1")},
-        {"draco", test::bytes_of("DRACO\2\2")},
+        {"drc", test::bytes_of("DRACO\2\2")},
         {"3dtiles", test::bytes_of("pnts\1")},
     };
     for (const auto& [name, bytes] : files) {
@@ -102,6 +102,15 @@ TEST(Format, SeveralFilesAreOneCloud) {
     paths.push_back(folder.file("none"));
     EXPECT_THROW(open_points(paths), Error);
     EXPECT_THROW(open_points({}), Error);
+}
+
+TEST(Format, AnOutputIsWhatItsEndingSays) {
+    EXPECT_EQ(format_of_name("a/b.laz"), "laz");
+    EXPECT_EQ(format_of_name("b.COPC.LAZ"), "copc");  // the longer of two that fit
+    EXPECT_EQ(format_of_name("b.las"), "las");
+    EXPECT_EQ(format_of_name("b.drc"), "drc");
+    EXPECT_EQ(format_of_name("b.las/village"), "potree");
+    EXPECT_EQ(format_of_name("village.v2"), "potree");
 }
 
 }  // namespace
