@@ -145,6 +145,14 @@ void fill_background(std::span<Rgba8> colors, Rgba8 background, int threads) {
 // Passes are made when a frame first needs them.
 struct Renderer::Gl {
     explicit Gl(int threads) : context(threads), software(context.is_software()) {}
+    Gl(const Gl&) = delete;
+    Gl& operator=(const Gl&) = delete;
+    ~Gl() {
+        try {
+            context.make_current();  // what the passes own is the context's
+        } catch (const Error&) {     // and goes with it in any case
+        }
+    }
 
     PointsGlPass& points_pass() { return points ? *points : points.emplace(context); }
     EdlPass& edl_pass() { return edl ? *edl : edl.emplace(context); }
@@ -174,7 +182,9 @@ Renderer::~Renderer() = default;
 
 void Renderer::forget_cloud() {
     resident_.reset();
-    if (gl_ && gl_->points) gl_->points->forget_nodes();
+    if (!gl_ || !gl_->points) return;
+    gl_->context.make_current();
+    gl_->points->forget_nodes();
 }
 
 // Starts GL where a GPU runs it, once. On software GL lighting takes longer than the points.
@@ -220,6 +230,7 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     RenderReport report;
     Stopwatch watch(report);
 
+    if (gl_) gl_->context.make_current();  // another renderer's may be
     PointsGlPass* const gpu = gpu_rasterizer(settings);
     report.rasterizer = gpu != nullptr ? Rasterizer::gpu : Rasterizer::cpu;
     const uint64_t uploaded_before = gpu != nullptr ? gpu->uploaded_bytes() : 0;

@@ -59,26 +59,23 @@ std::vector<Candidate> candidates() {
 }
 
 // Empty when the context is current, else what failed.
-std::string make_current(const Candidate& candidate, void*& display_out, void*& context_out) {
+// A display is never terminated: EGL has one a device, and other contexts of the program may live on it.
+std::string start(const Candidate& candidate, void*& display_out, void*& context_out) {
     const EGLDisplay display = eglGetPlatformDisplayEXT(candidate.platform, candidate.native, nullptr);
     if (display == EGL_NO_DISPLAY) return egl_error("eglGetPlatformDisplay");
     if (!eglInitialize(display, nullptr, nullptr)) return egl_error("eglInitialize");
-    const auto give_up = [&](std::string what) {
-        eglTerminate(display);
-        return what;
-    };
     const char* const extensions = eglQueryString(display, EGL_EXTENSIONS);
     if (!has_word(extensions, "EGL_KHR_no_config_context") || !has_word(extensions, "EGL_KHR_surfaceless_context"))
-        return give_up("contexts without a surface are not supported");
-    if (!eglBindAPI(EGL_OPENGL_API)) return give_up(egl_error("eglBindAPI for OpenGL"));
+        return "contexts without a surface are not supported";
+    if (!eglBindAPI(EGL_OPENGL_API)) return egl_error("eglBindAPI for OpenGL");
     const EGLint attributes[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5,
                                  EGL_CONTEXT_OPENGL_PROFILE_MASK, EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
     const EGLContext context = eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, attributes);
-    if (context == EGL_NO_CONTEXT) return give_up(egl_error("eglCreateContext for OpenGL 4.5 core"));
+    if (context == EGL_NO_CONTEXT) return egl_error("eglCreateContext for OpenGL 4.5 core");
     if (!eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) {
         const std::string what = egl_error("eglMakeCurrent");
         eglDestroyContext(display, context);
-        return give_up(what);
+        return what;
     }
     display_out = display;
     context_out = context;
@@ -107,7 +104,7 @@ EglContext::EglContext(int threads) {
     setenv("LP_NUM_THREADS", std::to_string(threads > 1 ? threads : 0).c_str(), 0);
     std::string failures;
     for (const Candidate& candidate : candidates()) {
-        const std::string failure = make_current(candidate, display_, context_);
+        const std::string failure = start(candidate, display_, context_);
         if (failure.empty()) {
             const char* const name = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
             renderer_ = name != nullptr ? name : "";
@@ -120,9 +117,13 @@ EglContext::EglContext(int threads) {
 }
 
 EglContext::~EglContext() {
-    eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+    if (eglGetCurrentContext() == context_) eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     eglDestroyContext(display_, context_);
-    eglTerminate(display_);
+}
+
+void EglContext::make_current() const {
+    if (eglGetCurrentContext() == context_) return;
+    if (!eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_)) throw Error(ErrorKind::device, egl_error("eglMakeCurrent"));
 }
 
 }  // namespace strata

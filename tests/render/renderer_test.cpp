@@ -121,6 +121,27 @@ TEST(Renderer, ARasterizerOnTheGpuKeepsItsPoints) {
     EXPECT_EQ(uploaded(), 20000u * 20);
 }
 
+// Each has a GL context of its own, and the last that was used is current.
+TEST(Renderer, SeveralRenderersTakeTurns) {
+    TestCloud cloud = hill_cloud();
+    RenderSettings settings = settings_of(cloud);
+    settings.rasterizer = Rasterizer::gpu;
+    const Camera camera = view_of(cloud, "iso", Projection::perspective, 0.8, settings);
+    const auto first = std::make_unique<Renderer>();
+    Renderer second;
+    try {
+        const Frame alone = render(cloud, camera, settings, std::move(*first));
+        for (int turn = 0; turn < 2; ++turn) {
+            EXPECT_EQ(render(cloud, camera, settings, std::move(second)).colors, alone.colors);
+            EXPECT_EQ(render(cloud, camera, settings).colors, alone.colors);  // one that is gone at once
+            EXPECT_EQ(render(cloud, camera, settings, std::move(*first)).colors, alone.colors);
+        }
+    } catch (const Error& error) {
+        ASSERT_EQ(error.kind, ErrorKind::device);
+        GTEST_SKIP() << error.what();
+    }
+}
+
 TEST(Renderer, StripsAndThreadsDoNotShow) {
     RenderSettings settings = settings_of(hill_cloud());
     settings.edl.strength = 0.0f;
