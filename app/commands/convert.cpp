@@ -108,6 +108,10 @@ int run(const Options& options) {
     const ConvertReport report = output->write(*source, progress, more);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     progress.clear();
+    std::vector<std::string> notes = source->info().notes;
+    notes.insert(notes.end(), report.notes.begin(), report.notes.end());
+    for (const std::string& note : report.notes)
+        if (!request.quiet) std::fprintf(stderr, "note: %s\n", note.c_str());
 
     if (options.given("--json")) {
         nlohmann::ordered_json json = {{"points_read", report.points_read},
@@ -119,7 +123,7 @@ int run(const Options& options) {
                      {"temporary_bytes", report.temporary_bytes},
                      {"output_bytes", report.output_bytes},
                      {"worst_rounding", report.worst_rounding},
-                     {"notes", source->info().notes}});
+                     {"notes", notes}});
         std::printf("%s\n", json.dump(2).c_str());
     } else if (!request.quiet) {
         std::fprintf(stderr, "%s: %s points%s%s, %s, %.1f s", request.output.c_str(), with_commas(report.points_written).c_str(),

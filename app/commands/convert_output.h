@@ -4,6 +4,7 @@
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
 #include "app/options.h"
 #include "app/progress.h"
@@ -30,6 +31,7 @@ struct ConvertReport {
     uint64_t temporary_bytes = 0;
     uint64_t output_bytes = 0;
     double worst_rounding = 0.0;  // world units, an axis
+    std::vector<std::string> notes;  // what the output cannot hold as it was; a line each
     std::string shape;            // what there is to say of the output besides points and bytes: "in 9 nodes on 2 levels"; or empty
 };
 

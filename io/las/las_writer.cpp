@@ -1,21 +1,17 @@
 #include "io/las/las_writer.h"
 
 #include <algorithm>
-#include <bit>
 #include <cstring>
 #include <limits>
 #include <span>
 
 #include "core/error.h"
+#include "io/las/las_header_writer.h"
 
 namespace strata {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "LAS is little-endian, and so are the machines strata runs on");
-
-constexpr size_t kHeaderSize = 375, kVlrHeaderSize = 54;
 constexpr uint16_t kWktRecordId = 2112;
-constexpr uint16_t kAdjustedTimeBit = 1, kWktBit = 1 << 4;  // of the global encoding
 
 // Record formats 6, 7 and 8: where their fields are (tables 14 to 16).
 constexpr size_t kReturnByte = 14, kFlagByte = 15;
@@ -41,16 +37,6 @@ size_t record_size_of(int point_format) {
         case 8: return 38;
         default: throw Error(ErrorKind::unsupported, "LAS point format " + std::to_string(point_format) + ": only 6, 7 and 8 are written");
     }
-}
-
-template <typename T>
-void put(std::vector<std::byte>& bytes, size_t position, T value) {
-    std::memcpy(bytes.data() + position, &value, sizeof value);
-}
-
-// Fixed-size text, padded with zeros.
-void put_text(std::vector<std::byte>& bytes, size_t position, size_t size, std::string_view text) {
-    std::memcpy(bytes.data() + position, text.data(), std::min(size, text.size()));
 }
 
 int column_of(const std::vector<Attribute>& attributes, std::string_view name) {
@@ -90,43 +76,33 @@ LasWriter::LasWriter(const std::string& path, const LasWriterSettings& settings,
 }
 
 std::vector<std::byte> LasWriter::header() const {
-    const bool has_crs = !settings_.crs_wkt.empty();
-    const size_t wkt_size = settings_.crs_wkt.size() + 1;  // ends with a zero
-    const size_t point_offset = kHeaderSize + (has_crs ? kVlrHeaderSize + wkt_size : 0);
-    if (wkt_size > std::numeric_limits<uint16_t>::max()) throw Error(ErrorKind::limit, file_.path() + ": WKT of " + std::to_string(wkt_size) + " bytes; a VLR holds 65535");
-    std::vector<std::byte> bytes(point_offset);
-    put_text(bytes, 0, 4, "LASF");
-    // The WKT bit must be set for these point formats, with or without a WKT (section 2.4, global encoding).
-    put<uint16_t>(bytes, 6, uint16_t(kWktBit | (settings_.adjusted_gps_time ? kAdjustedTimeBit : 0)));
-    put<uint8_t>(bytes, 24, 1);
-    put<uint8_t>(bytes, 25, 4);
-    put_text(bytes, 26, 32, settings_.system_identifier);
-    put_text(bytes, 58, 32, settings_.generating_software);
-    put<uint16_t>(bytes, 90, settings_.creation_day);
-    put<uint16_t>(bytes, 92, settings_.creation_year);
-    put<uint16_t>(bytes, 94, kHeaderSize);
-    put<uint32_t>(bytes, 96, uint32_t(point_offset));
-    put<uint32_t>(bytes, 100, has_crs ? 1 : 0);
-    put<uint8_t>(bytes, 104, uint8_t(settings_.point_format));
-    put<uint16_t>(bytes, 105, uint16_t(record_size_));
-    // The counts of LAS 1.2 at 107 to 130 stay 0: these point formats are newer than they are.
-    for (size_t axis = 0; axis < 3; ++axis) {
-        const double scale = settings_.quantization.scale[Eigen::Index(axis)], offset = settings_.quantization.offset[Eigen::Index(axis)];
-        put<double>(bytes, 131 + 8 * axis, scale);
-        put<double>(bytes, 155 + 8 * axis, offset);
-        if (points_ == 0) continue;
-        put<double>(bytes, 179 + 16 * axis, most_[axis] * scale + offset);
-        put<double>(bytes, 187 + 16 * axis, least_[axis] * scale + offset);
+    std::vector<std::byte> records;
+    if (!settings_.crs_wkt.empty()) {
+        const std::span<const char> text(settings_.crs_wkt.c_str(), settings_.crs_wkt.size() + 1);  // ends with a zero
+        try {
+            las::append_record(records, "LASF_Projection", kWktRecordId, "WKT of the coordinate system", std::as_bytes(text));
+        } catch (const Error& error) {
+            throw error.within(file_.path());
+        }
     }
-    put<uint64_t>(bytes, 247, points_);
-    for (size_t i = 0; i < points_by_return_.size(); ++i) put<uint64_t>(bytes, 255 + 8 * i, points_by_return_[i]);
-    if (has_crs) {
-        put_text(bytes, kHeaderSize + 2, 16, "LASF_Projection");
-        put<uint16_t>(bytes, kHeaderSize + 18, kWktRecordId);
-        put<uint16_t>(bytes, kHeaderSize + 20, uint16_t(wkt_size));
-        put_text(bytes, kHeaderSize + 22, 32, "WKT of the coordinate system");
-        put_text(bytes, kHeaderSize + kVlrHeaderSize, wkt_size, settings_.crs_wkt);
-    }
+    const las::HeaderValues values = {
+        // The WKT bit must be set for these point formats, with or without a WKT (section 2.4, global encoding).
+        .global_encoding = uint16_t(las::kWktBit | (settings_.adjusted_gps_time ? las::kAdjustedTimeBit : 0)),
+        .system_identifier = settings_.system_identifier,
+        .generating_software = settings_.generating_software,
+        .creation_day = settings_.creation_day,
+        .creation_year = settings_.creation_year,
+        .point_offset = uint32_t(las::header_bytes(4) + records.size()),
+        .records = settings_.crs_wkt.empty() ? 0u : 1u,
+        .point_format = settings_.point_format,
+        .record_size = uint16_t(record_size_),
+        .quantization = settings_.quantization,
+        .points = points_,
+        .points_by_return = points_by_return_,
+        .least = least_,
+        .most = most_};
+    std::vector<std::byte> bytes = las::header_block(values);
+    bytes.insert(bytes.end(), records.begin(), records.end());
     return bytes;
 }
 
