@@ -76,9 +76,46 @@ bool scaled_alike(const Entry& entry) {
     return true;
 }
 
+bool stored_alike(const Attribute& a, const Attribute& b) {
+    const bool same_no_data = a.no_data == b.no_data || (std::isnan(a.no_data) && std::isnan(b.no_data));
+    return a.type == b.type && a.scale == b.scale && a.offset == b.offset && same_no_data && a.description == b.description;
+}
+
+// How many attributes from the first on are the components NAME[0], NAME[1], ... of one.
+size_t components_of_one(std::span<const ExtraAttribute> list) {
+    const Attribute& first = list[0].attribute;
+    if (!first.name.ends_with("[0]") || first.name.size() == 3 || first.components != 1) return 1;
+    const std::string base = first.name.substr(0, first.name.size() - 3);
+    size_t count = 1;
+    bool alike = true;
+    for (; count < list.size() && list[count].attribute.name == base + "[" + std::to_string(count) + "]"; ++count)
+        alike &= list[count].attribute.components == 1 && stored_alike(list[count].attribute, first);
+    return alike ? count : 1;
+}
+
+// Arrays are written as an entry a component since their types are deprecated.
+std::vector<ExtraAttribute> join_components(std::span<const ExtraAttribute> list) {
+    std::vector<ExtraAttribute> joined;
+    while (!list.empty()) {
+        const size_t components = components_of_one(list);
+        ExtraAttribute& attribute = joined.emplace_back(list[0]);
+        if (components > 1) {
+            attribute.attribute.name.resize(attribute.attribute.name.size() - 3);
+            attribute.attribute.components = int(components);
+        }
+        list = list.subspan(components);
+    }
+    return joined;
+}
+
 void append(const Entry& entry, uint16_t record_offset, std::vector<ExtraAttribute>& out) {
-    Attribute attribute{.name = entry.name, .description = entry.description, .type = entry.type, .components = entry.components,
-                        .scale = entry.scale[0], .offset = entry.offset[0], .no_data = entry.no_data};
+    Attribute attribute{.name = entry.name,
+                        .description = entry.description,
+                        .type = entry.type,
+                        .components = entry.components,
+                        .scale = entry.scale[0],
+                        .offset = entry.offset[0],
+                        .no_data = entry.no_data};
     if (scaled_alike(entry)) {
         out.push_back({std::move(attribute), record_offset});
         return;
@@ -105,7 +142,8 @@ std::vector<ExtraAttribute> read_extra_bytes(const ByteSource& source, const Hea
         const std::vector<std::byte> payload = read_record(source, record, UINT16_MAX);
         ByteReader reader(payload, source.name() + ": extra bytes", record.offset);
         if (payload.size() % kExtraBytesRecordBytes != 0)
-            reader.fail(std::to_string(payload.size()) + " bytes, a multiple of " + std::to_string(kExtraBytesRecordBytes) + " is expected");
+            reader.fail(std::to_string(payload.size()) + " bytes, a multiple of " + std::to_string(kExtraBytesRecordBytes) +
+                        " is expected");
         while (reader.left() > 0) {
             const Entry entry = parse_entry(reader);
             const size_t size = scalar_size(entry.type) * size_t(entry.components);
@@ -117,8 +155,9 @@ std::vector<ExtraAttribute> read_extra_bytes(const ByteSource& source, const Hea
         }
     }
     if (begin < header.record_size)
-        notes.push_back(std::to_string(header.record_size - begin) + " bytes at the end of each point have no description and are left out");
-    return attributes;
+        notes.push_back(std::to_string(header.record_size - begin) +
+                        " bytes at the end of each point have no description and are left out");
+    return join_components(attributes);
 }
 
 }  // namespace strata::las
