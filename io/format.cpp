@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "io/byte_source.h"
 #include "io/copc/copc_cloud.h"
+#include "io/draco/draco_source.h"
 #include "io/las/laz_source.h"
 #include "io/merged_source.h"
 #include "io/potree/potree_cloud.h"
@@ -28,7 +29,7 @@ constexpr std::array kFormats = {
     Format{"e57", "ASTM E57", ".e57", FormatKind::not_readable, false},
     Format{"ply", "Stanford polygon file", ".ply", FormatKind::not_readable, false},
     Format{"pcd", "Point Cloud Library file", ".pcd", FormatKind::not_readable, false},
-    Format{"drc", "Draco compressed mesh or points", ".drc", FormatKind::not_readable, false},
+    Format{"drc", "Draco, points and the vertices of meshes", ".drc", FormatKind::points, false},
 };
 
 const Format& format_named(std::string_view name) {
@@ -65,9 +66,19 @@ std::string lower_case(std::string text) {
     return text;
 }
 
-bool is_las_name(const fs::path& path) {
+bool is_points_name(const fs::path& path) {
     const std::string ending = lower_case(path.extension().string());
-    return ending == ".las" || ending == ".laz";
+    return !ending.empty() && std::any_of(kFormats.begin(), kFormats.end(), [&](const Format& format) {
+        return format.kind == FormatKind::points && format.endings == ending;
+    });
+}
+
+// ".las, .laz, .drc"
+std::string points_endings() {
+    std::string endings;
+    for (const Format& format : kFormats)
+        if (format.kind == FormatKind::points) endings += (endings.empty() ? "" : ", ") + std::string(format.endings);
+    return endings;
 }
 
 const Format& identify_las(std::string_view head) {
@@ -98,10 +109,12 @@ const Format& identify_bytes(const ByteSource& source) {
     throw Error(ErrorKind::unsupported, what + ": " + std::string(wish) + " is expected here");
 }
 
-std::unique_ptr<PointSource> open_points_file(const std::string& path) {
+std::unique_ptr<PointSource> open_points_file(const std::string& path, bool alone) {
     const Format& format = identify_format(path);
     const bool is_plain = format.kind == FormatKind::points || format.name == "copc";  // its points are those of a LAZ file
     if (!is_plain) refuse(path, format, "a plain file of points");
+    if (format.name == "drc")
+        return std::make_unique<DracoSource>(open_file(path), alone ? DracoSource::Keep::decoded : DracoSource::Keep::nothing);
     return open_las(open_file(path));
 }
 
@@ -142,10 +155,10 @@ std::vector<std::string> point_files(std::span<const std::string> words) {
         }
         const ptrdiff_t before = ptrdiff_t(files.size());
         for (fs::directory_iterator entry(word, problem), end; !problem && entry != end; entry.increment(problem))
-            if (is_las_name(entry->path())) files.push_back(entry->path().string());
+            if (is_points_name(entry->path())) files.push_back(entry->path().string());
         if (problem) throw Error(ErrorKind::io, word + ": " + problem.message());
         if (files.size() == size_t(before))
-            throw Error(ErrorKind::not_found, word + ": no .las or .laz files in this folder, and no metadata.json of Potree 2.0");
+            throw Error(ErrorKind::not_found, word + ": no files of points (" + points_endings() + ") in this folder, and no metadata.json of Potree 2.0");
         std::sort(files.begin() + before, files.end());
     }
     return files;
@@ -155,7 +168,7 @@ std::unique_ptr<PointSource> open_points(std::span<const std::string> paths, con
     if (paths.empty()) throw Error(ErrorKind::usage, "no file of points was named");
     std::vector<std::unique_ptr<PointSource>> sources;
     for (const std::string& path : paths) {
-        sources.push_back(open_points_file(path));
+        sources.push_back(open_points_file(path, paths.size() == 1));
         if (wrap) sources.back() = wrap(std::move(sources.back()));
     }
     if (sources.size() == 1) return std::move(sources.front());

@@ -39,8 +39,8 @@ const Format& identify_format(const std::string& path);
 /// that says nothing.
 std::string_view format_of_name(const std::string& path);
 
-/// The files that words of a command line stand for: a folder that is no data set means the LAS and LAZ files in it, in the
-/// order of their names; any other word means itself.
+/// The files that words of a command line stand for: a folder that is no data set means the files of points in it, by their
+/// endings, in the order of their names; any other word means itself.
 /// throws  Error{not_found}: a folder without such files
 std::vector<std::string> point_files(std::span<const std::string> words);
 

@@ -29,6 +29,7 @@ const std::vector<PackageRule> kPackages = {
     {"nlohmann/", {"io/", "app/"}},
     {"brotli/", {"io/"}},
     {"png.h", {"io/png/"}},
+    {"draco/", {"io/draco/draco_decoder.cpp", "io/draco/draco_encoder.cpp"}},
     {"flann/", {}},  // tests judge by it
     {"epoxy/", {"render/"}},
     {"EGL/", {"render/gl/"}},

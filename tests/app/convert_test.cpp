@@ -162,7 +162,7 @@ TEST_F(Convert, SeveralFilesAndAFolderOfThemAreOneCloud) {
     EXPECT_EQ(converted({folder_.file("parts"), folder_.file("of_folder")})["points_written"], 20'000);
     expect_same_points({whole}, folder_.file("of_folder"));
     fs::create_directory(folder_.file("empty"));
-    expect_refused(run_strata({"convert", folder_.file("empty"), folder_.file("none")}), 1, "no .las or .laz files");
+    expect_refused(run_strata({"convert", folder_.file("empty"), folder_.file("none")}), 1, "no files of points (.las, .laz, .drc)");
 }
 
 TEST_F(Convert, FilesOfSeveralScalesAndOffsetsKeepTheirPlaces) {
