@@ -6,8 +6,9 @@
 
 #include "core/error.h"
 #include "io/byte_reader.h"
+#include "io/las/arithmetic_decoder.h"
 #include "io/las/byte_window.h"
-#include "io/las/integer_decompressor.h"
+#include "io/las/integer_models.h"
 
 namespace strata::las {
 namespace {
@@ -96,7 +97,7 @@ struct TableReader {
         ByteWindow window;
         window.open(source, offset, source.size(), kMargin);
         ArithmeticDecoder decoder(window.begin());
-        IntegerDecompressor<32, 2> models;
+        IntegerModels<ArithmeticDecoder, 32, 2> models;
         models.restart();
         LazChunk last{begin, 0, 0, false};
         uint64_t points_left = header.points;
@@ -106,11 +107,11 @@ struct TableReader {
                 LazChunk chunk;
                 chunk.offset = last.offset + last.size;
                 if (laz.chunk_points == 0) {
-                    chunk.points = uint32_t(models.decode(decoder, int32_t(uint32_t(last.points)), 0));
+                    chunk.points = uint32_t(models.code(decoder, int32_t(uint32_t(last.points)), 0));
                 } else {
                     chunk.points = std::min<uint64_t>(laz.chunk_points, points_left);
                 }
-                chunk.size = uint32_t(models.decode(decoder, int32_t(uint32_t(last.size)), 1));
+                chunk.size = uint32_t(models.code(decoder, int32_t(uint32_t(last.size)), 1));
                 window.check(decoder.next());
                 check(chunk, i, count, end, points_left);
                 points_left -= chunk.points;

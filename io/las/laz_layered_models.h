@@ -10,7 +10,7 @@
 
 namespace strata::las {
 
-// What the layers of point formats 6 to 10 are decoded with, field by field. laz_layered.cpp says how layers hang together.
+// What the layers of point formats 6 to 10 are coded with, field by field. laz_layered_points.h says how layers hang together.
 
 inline constexpr size_t kTilePoints = 512;  // their notes and records stay in the first cache levels
 inline constexpr size_t kChannels = 4;      // scanner channels
@@ -66,6 +66,8 @@ public:
         return current();
     }
     bool is_used(size_t channel) const { return used_[channel]; }
+    /// The last value of the channel, or what its models will begin from.
+    const auto& last_value(size_t channel) { return contexts_[used_[channel] ? channel : current_].get().value; }
 
 private:
     std::array<Lazy<Context>, kChannels> contexts_;
@@ -73,7 +75,7 @@ private:
     size_t current_ = 0;
 };
 
-/// The last value of a field in a scanner channel, and the models that the next one is decoded with.
+/// The last value of a field in a scanner channel, and the models that the next one is coded with.
 template <typename Value, typename Models>
 struct FieldContext {
     Value value{};
@@ -85,20 +87,24 @@ struct FieldContext {
     }
 };
 
+/// What the first layer holds, and what it says of others: of these an encoder alone knows the values here.
 struct Position {
     int32_t x = 0, y = 0;
     uint8_t r = 0, n = 0;
+    uint16_t scan_angle = 0, point_source = 0;
+    uint64_t gps_time = 0;
 };
 
+template <typename Coder>
 struct PositionContext {
     Position value;
     bool time_changed = false;
-    std::array<SymbolModel<128>, 8> changes;
-    SymbolModel<3> channels;
-    std::array<SymbolModel<16>, 16> return_counts, return_numbers;
-    SymbolModel<13> return_numbers_same_time;
-    IntegerDecompressor<32, 2> x;
-    IntegerDecompressor<32, 22> y;
+    std::array<typename Coder::template Symbols<128>, 8> changes;
+    typename Coder::template Symbols<3> channels;
+    std::array<typename Coder::template Symbols<16>, 16> return_counts, return_numbers;
+    typename Coder::template Symbols<13> return_numbers_same_time;
+    IntegerModels<Coder, 32, 2> x;
+    IntegerModels<Coder, 32, 22> y;
     std::array<StepMedian, 12> x_steps, y_steps;
 
     void restart(const Position& last) {
@@ -115,80 +121,92 @@ struct PositionContext {
     }
 };
 
+template <typename Coder>
 struct ZContext {
     int32_t value = 0;
     std::array<int32_t, 8> by_depth{};
-    IntegerDecompressor<32, 20> models;
+    IntegerModels<Coder, 32, 20> models;
 
     void restart(int32_t last) {
         value = last;
         by_depth.fill(last);
         models.restart();
     }
-    int32_t decode(ArithmeticDecoder& decoder, const TileNotes& notes, size_t i) {
+    int32_t code(Coder& coder, const TileNotes& notes, size_t i, int32_t told) {
         int32_t& last = by_depth[notes.depth[i]];
-        return last = value = models.decode(decoder, last, notes.z_context[i]);
+        return last = value = models.code(coder, last, notes.z_context[i], told);
     }
 };
 
-struct ClassificationContext : FieldContext<uint8_t, ModelBank<256>> {
-    uint8_t decode(ArithmeticDecoder& decoder, const TileNotes& notes, size_t i) {
-        return value = uint8_t(decoder.symbol(models[uint8_t((value & 31) << 1 | (notes.place[i] == 3))]));
+template <typename Coder>
+struct ClassificationContext : FieldContext<uint8_t, ModelBank<Coder, 256>> {
+    uint8_t code(Coder& coder, const TileNotes& notes, size_t i, uint8_t told) {
+        return this->value = uint8_t(coder.symbol(this->models[uint8_t((this->value & 31) << 1 | (notes.place[i] == 3))], told));
     }
 };
 
 // The flags are bits 0-3 classification flags, 4 scan direction, 5 edge of flight line.
-struct FlagsContext : FieldContext<uint8_t, ModelBank<64>> {
-    uint8_t decode(ArithmeticDecoder& decoder, const TileNotes&, size_t) { return value = uint8_t(decoder.symbol(models[value])); }
+template <typename Coder>
+struct FlagsContext : FieldContext<uint8_t, ModelBank<Coder, 64>> {
+    uint8_t code(Coder& coder, const TileNotes&, size_t, uint8_t told) {
+        return this->value = uint8_t(coder.symbol(this->models[this->value], told));
+    }
 };
 
+template <typename Coder>
 struct IntensityContext {
     uint16_t value = 0;
     std::array<uint16_t, 8> by_place{};
-    IntegerDecompressor<16, 4> models;
+    IntegerModels<Coder, 16, 4> models;
 
     void restart(uint16_t last) {
         value = last;
         by_place.fill(last);
         models.restart();
     }
-    uint16_t decode(ArithmeticDecoder& decoder, const TileNotes& notes, size_t i) {
+    uint16_t code(Coder& coder, const TileNotes& notes, size_t i, uint16_t told) {
         uint16_t& last = by_place[size_t(notes.place[i] << 1 | notes.time_changed[i])];
-        return last = value = uint16_t(models.decode(decoder, last, notes.place[i]));
+        return last = value = uint16_t(models.code(coder, last, notes.place[i], told));
     }
 };
 
-struct ScanAngleContext : FieldContext<uint16_t, IntegerDecompressor<16, 2>> {
-    uint16_t decode(ArithmeticDecoder& decoder, const TileNotes& notes, size_t i) {
-        if (notes.angle_changed[i]) value = uint16_t(models.decode(decoder, value, notes.time_changed[i]));
-        return value;
+template <typename Coder>
+struct ScanAngleContext : FieldContext<uint16_t, IntegerModels<Coder, 16, 2>> {
+    uint16_t code(Coder& coder, const TileNotes& notes, size_t i, uint16_t told) {
+        if (notes.angle_changed[i]) this->value = uint16_t(this->models.code(coder, this->value, notes.time_changed[i], told));
+        return this->value;
     }
 };
 
-struct UserDataContext : FieldContext<uint8_t, ModelBank<256>> {
-    uint8_t decode(ArithmeticDecoder& decoder, const TileNotes&, size_t) { return value = uint8_t(decoder.symbol(models[value / 4])); }
-};
-
-struct PointSourceContext : FieldContext<uint16_t, IntegerDecompressor<16, 1>> {
-    uint16_t decode(ArithmeticDecoder& decoder, const TileNotes& notes, size_t i) {
-        if (notes.source_changed[i]) value = uint16_t(models.decode(decoder, value, 0));
-        return value;
+template <typename Coder>
+struct UserDataContext : FieldContext<uint8_t, ModelBank<Coder, 256>> {
+    uint8_t code(Coder& coder, const TileNotes&, size_t, uint8_t told) {
+        return this->value = uint8_t(coder.symbol(this->models[this->value / 4], told));
     }
 };
 
+template <typename Coder>
+struct PointSourceContext : FieldContext<uint16_t, IntegerModels<Coder, 16, 1>> {
+    uint16_t code(Coder& coder, const TileNotes& notes, size_t i, uint16_t told) {
+        if (notes.source_changed[i]) this->value = uint16_t(this->models.code(coder, this->value, 0, told));
+        return this->value;
+    }
+};
+
+template <typename Coder>
 struct GpsTimeContext {
     uint64_t value = 0;
     bool ok = true;
-    GpsTimeModels<false> models;
+    GpsTimeModels<Coder, false> models;
 
     void restart(uint64_t last) {
         value = last;
         ok = true;
         models.restart(last);
     }
-    uint64_t decode(ArithmeticDecoder& decoder, const TileNotes& notes, size_t i) {
+    uint64_t code(Coder& coder, const TileNotes& notes, size_t i, uint64_t told) {
         if (notes.time_changed[i]) {
-            value = models.decode(decoder, ok);
+            value = models.code(coder, ok, told);
             if (!ok) [[unlikely]]
                 throw Error(ErrorKind::malformed, "GPS times that no encoder writes");
         }
@@ -196,37 +214,42 @@ struct GpsTimeContext {
     }
 };
 
-// The contexts of items behind the point decode from a last value that may be another channel's.
+// The contexts of items behind the point code from a last value that may be another channel's.
 
-struct RgbContext : FieldContext<Rgb, RgbModels> {
-    Rgb decode(ArithmeticDecoder& decoder, const Rgb& last) { return models.decode(decoder, last); }
+template <typename Coder>
+struct RgbContext : FieldContext<Rgb, RgbModels<Coder>> {
+    Rgb code(Coder& coder, const Rgb& last, const Rgb& told) { return this->models.code(coder, last, told); }
 };
 
+template <typename Coder>
 struct NirContext {
     uint16_t value = 0;
-    SymbolModel<4> changes;
-    std::array<SymbolModel<256>, 2> differences;
+    typename Coder::template Symbols<4> changes;
+    std::array<typename Coder::template Symbols<256>, 2> differences;
 
     void restart(uint16_t last) {
         value = last;
         changes.restart();
         for (auto& model : differences) model.restart();
     }
-    uint16_t decode(ArithmeticDecoder& decoder, uint16_t last) {
-        const uint32_t changed = decoder.symbol(changes);
+    uint16_t code(Coder& coder, uint16_t last, uint16_t told) {
+        const uint32_t differ = uint32_t(last ^ told);
+        const uint32_t changed = coder.symbol(changes, uint32_t((differ & 0xFF) != 0) | uint32_t(differ > 0xFF) << 1);
         uint8_t lower = uint8_t(last), upper = uint8_t(last >> 8);
-        if (changed & 1) lower = uint8_t(lower + decoder.symbol(differences[0]));
-        if (changed & 2) upper = uint8_t(upper + decoder.symbol(differences[1]));
+        if (changed & 1) lower = uint8_t(lower + coder.symbol(differences[0], uint8_t(told - last)));
+        if (changed & 2) upper = uint8_t(upper + coder.symbol(differences[1], uint8_t((told >> 8) - (last >> 8))));
         return uint16_t(upper << 8 | lower);
     }
 };
 
-struct WavePacketContext : FieldContext<WavePacketModels::Packet, WavePacketModels> {
-    WavePacketModels::Packet decode(ArithmeticDecoder& decoder, const WavePacketModels::Packet& last) { return models.decode(decoder, last); }
+template <typename Coder>
+struct WavePacketContext : FieldContext<WavePacket, WavePacketModels<Coder>> {
+    WavePacket code(Coder& coder, const WavePacket& last, const WavePacket& told) { return this->models.code(coder, last, told); }
 };
 
-struct ExtraByteContext : FieldContext<uint8_t, SymbolModel<256>> {
-    uint8_t decode(ArithmeticDecoder& decoder, uint8_t last) { return uint8_t(last + decoder.symbol(models)); }
+template <typename Coder>
+struct ExtraByteContext : FieldContext<uint8_t, typename Coder::template Symbols<256>> {
+    uint8_t code(Coder& coder, uint8_t last, uint8_t told) { return uint8_t(last + coder.symbol(this->models, uint8_t(told - last))); }
 };
 
 }  // namespace strata::las
