@@ -18,17 +18,18 @@ constexpr uint32_t kChunksOfAnySize = 0xFFFFFFFF;
 enum Compressor : uint16_t { kPointwise = 1, kPointwiseChunked = 2, kLayeredChunked = 3 };
 
 struct ExpectedItem {
-    LazItem item;
+    LazItem item;                      // of the version that is written
     std::array<uint16_t, 3> versions;  // that exist; 0: none
 };
 
 // The items of a point format, in the order of its record; versions tell in what files they occur.
-std::vector<ExpectedItem> expected_items(const Header& header) {
+std::vector<ExpectedItem> expected_items(int point_format, size_t record_size) {
     using enum LazItemKind;
-    const PointLayout layout = point_layout(header.point_format);
+    const PointLayout layout = point_layout(point_format);
     std::vector<ExpectedItem> items;
-    const auto add = [&](LazItemKind kind, int size, std::array<uint16_t, 3> versions) {
-        items.push_back({{kind, uint16_t(size), 0}, versions});
+    const auto add = [&](LazItemKind kind, size_t size, std::array<uint16_t, 3> versions) {
+        const uint16_t written = kind == wave_packet13 ? 1 : layout.extended ? 3 : 2;
+        items.push_back({{kind, uint16_t(size), written}, versions});
     };
     const bool extended = layout.extended;
     const std::array<uint16_t, 3> layered = {2, 3, 4}, pointwise = {1, 2, 0};
@@ -43,7 +44,7 @@ std::vector<ExpectedItem> expected_items(const Header& header) {
         if (layout.rgb) add(rgb12, 6, pointwise);
         if (layout.wave) add(wave_packet13, 29, {1, 0, 0});
     }
-    if (header.record_size > layout.size) add(extended ? bytes14 : bytes, header.record_size - layout.size, extended ? layered : pointwise);
+    if (record_size > layout.size) add(extended ? bytes14 : bytes, record_size - layout.size, extended ? layered : pointwise);
     return items;
 }
 
@@ -56,7 +57,7 @@ std::string text_of(const LazItem& item) {
 }
 
 void check_items(const ByteReader& reader, const Header& header, const std::vector<LazItem>& items) {
-    const std::vector<ExpectedItem> expected = expected_items(header);
+    const std::vector<ExpectedItem> expected = expected_items(header.point_format, header.record_size);
     const std::string record = "point format " + std::to_string(header.point_format) + " with records of " + std::to_string(header.record_size) + " bytes";
     for (size_t i = 0; i < std::max(items.size(), expected.size()); ++i) {
         const bool known = i < items.size(), wanted = i < expected.size();
@@ -107,6 +108,12 @@ LazHeader parse(ByteReader& reader, const Header& header) {
 }
 
 }  // namespace
+
+std::vector<LazItem> laz_items(int point_format, size_t record_size) {
+    std::vector<LazItem> items;
+    for (const ExpectedItem& expected : expected_items(point_format, record_size)) items.push_back(expected.item);
+    return items;
+}
 
 LazHeader read_laz_header(const ByteSource& source, const Header& header) {
     const auto record = std::find_if(header.records.begin(), header.records.end(),

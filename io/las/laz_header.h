@@ -36,6 +36,9 @@ struct LazHeader {
     std::vector<LazItem> items;  // in the order of the record; together they are the record
 };
 
+/// The items of a point format, of the versions that an encoder writes.
+std::vector<LazItem> laz_items(int point_format, size_t record_size);
+
 /// Reads and checks the record: compressor and items are known, and the items are those of the point format.
 /// throws  Error{malformed, unsupported, io}: file, place, expectation
 LazHeader read_laz_header(const ByteSource& source, const Header& header);
