@@ -5,10 +5,12 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <map>
 
 #include "core/cloud/rgb_depth.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "io/crs/crs_text.h"
 
 namespace strata {
 namespace {
@@ -120,9 +122,7 @@ public:
             info_.points += info.points;
             if (info.points > 0) info_.bounds.extend(info.bounds);
             for (const std::string& note : info.notes) info_.notes.push_back(names_[s] + ": " + note);
-            if (info_.crs.empty()) info_.crs = info.crs;
-            if (!info.crs.empty() && info.crs != info_.crs)
-                info_.notes.push_back(names_[s] + ": its coordinate reference system differs from that of the files before it, which is kept");
+            unite_crs(s);
         }
         info_.format = sources_.front()->info().format + ", " + std::to_string(sources_.size()) + " files";
         info_.quantization = unite_quantization(sources_, info_.bounds, info_.notes);
@@ -152,6 +152,21 @@ public:
     }
 
 private:
+    // The first that is known. Files say one system in several ways, but seldom in more than two: what was compared is kept.
+    void unite_crs(size_t s) {
+        const CloudInfo& info = sources_[s]->info();
+        if (s == 0) info_.crs_records = info.crs_records;
+        if (info.crs_records != info_.crs_records) info_.crs_records.clear();
+        if (info.crs.empty()) return;
+        if (info_.crs.empty()) info_.crs = info.crs;
+        const auto known = same_systems_.find(info.crs);
+        const bool same = known != same_systems_.end() ? known->second : (same_systems_[info.crs] = same_crs(info.crs, info_.crs));
+        if (!same)
+            info_.notes.push_back(names_[s] + ": its coordinate reference system, " + crs_name(info.crs) +
+                                  ", differs from that of the files before it, " + crs_name(info_.crs) +
+                                  ", which is kept; convert --out-crs brings all to one");
+    }
+
     void plan(bool with_scan_angle) {
         std::vector<int> depths;
         for (const auto& source : sources_) depths.push_back(rgb_depth(*source, default_thread_count()));
@@ -226,6 +241,7 @@ private:
 
     std::vector<std::unique_ptr<PointSource>> sources_;
     std::vector<std::string> names_;
+    std::map<std::string, bool> same_systems_;  // by text: whether it means info_.crs
     std::vector<SourcePlan> plans_;      // one a source
     std::vector<uint64_t> first_batch_;  // one a source, then the count of all
     CloudInfo info_;

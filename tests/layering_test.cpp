@@ -30,6 +30,8 @@ const std::vector<PackageRule> kPackages = {
     {"brotli/", {"io/"}},
     {"png.h", {"io/png/"}},
     {"draco/", {"io/draco/draco_decoder.cpp", "io/draco/draco_encoder.cpp"}},
+    {"proj", {"io/crs/"}},
+    {"geotiff/", {"io/crs/"}},
     {"flann/", {}},  // tests judge by it
     {"epoxy/", {"render/"}},
     {"EGL/", {"render/gl/"}},
@@ -114,6 +116,8 @@ TEST(Layering, FindsAnIncludeAgainstTheArrow) {
 TEST(Layering, FindsAPackageOutsideItsFiles) {
     EXPECT_NE(faults_of_line("app/commands/convert.cpp", "#include <CLI/CLI.hpp>"), "");
     EXPECT_NE(faults_of_line("io/potree/metadata.h", "#include <nlohmann/json.hpp>"), "");
+    EXPECT_NE(faults_of_line("io/las/las_crs.cpp", "#include <proj.h>"), "");
+    EXPECT_NE(faults_of_line("io/crs/crs_text.h", "#include <geotiff/geo_normalize.h>"), "");
     EXPECT_NE(faults_of_line("render/image.h", "#include <epoxy/gl.h>"), "");
     EXPECT_NE(faults_of_line("render/gl/texture.cpp", "#include <GL/gl.h>"), "");
     EXPECT_NE(faults_of_line("core/octree/octree_builder.cpp", "#include <fstream>"), "");

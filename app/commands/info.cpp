@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "app/commands/commands.h"
 #include "app/commands/info_text.h"
@@ -13,6 +14,7 @@
 #include "core/octree/layered_points.h"
 #include "core/octree/layered_validation.h"
 #include "core/octree/sampling_quality.h"
+#include "io/crs/crs_text.h"
 #include "io/format.h"
 #include "io/las/laz_source.h"
 
@@ -41,6 +43,13 @@ ordered_json cloud_json(const std::string& path, const Format& format, const Clo
                            {"bounds", box_json(info.points > 0 ? info.bounds : Box3d{})}, {"scale", vector_json(info.quantization.scale)},
                            {"offset", vector_json(info.quantization.offset)}, {"crs", nullptr}};
     if (!info.crs.empty()) report["crs"] = info.crs;
+    if (const std::optional<CrsDescription> crs = describe_crs(info.crs)) {
+        const auto or_null = [](const std::string& text) { return text.empty() ? ordered_json() : ordered_json(text); };
+        report["crs_name"] = crs->name;
+        report["crs_id"] = or_null(crs->id);
+        report["unit"] = or_null(crs->unit);
+        report["vertical_unit"] = or_null(crs->vertical_unit);
+    }
     report["attributes"] = ordered_json::array();
     for (const Attribute& attribute : info.attributes) {
         ordered_json entry = {{"name", attribute.name}, {"type", scalar_name(attribute.type)}, {"components", attribute.components},

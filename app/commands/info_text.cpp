@@ -63,6 +63,19 @@ int decimals_of(const ordered_json& scale, size_t axis) {
     return std::clamp(int(std::ceil(-std::log10(scale[axis].get<double>()) - 1e-9)), 0, 12);
 }
 
+// The text under a key; empty: it is not there, or null.
+std::string text_of(const ordered_json& report, const char* key) {
+    return report.contains(key) && report[key].is_string() ? report[key].get<std::string>() : std::string();
+}
+
+// " m": a unit behind a number; empty where the system says none.
+std::string unit_behind(const std::string& unit) {
+    if (unit == "metre") return " m";
+    if (unit == "foot") return " ft";
+    if (unit == "degree") return "\u00b0";
+    return unit.empty() ? "" : " " + printable(unit);
+}
+
 void bounds_rows(const ordered_json& report, Block& block) {
     const ordered_json& bounds = report["bounds"];
     if (!bounds["min"].is_array()) return;
@@ -72,7 +85,8 @@ void bounds_rows(const ordered_json& report, Block& block) {
         std::string line = std::string(1, "xyz"[axis]) + " " + padded(number_text(low, decimals), 15, true) + " .. " +
                            padded(number_text(high, decimals), 15, true);
         if (low.is_number() && high.is_number())
-            line += "   " + padded(number_text(high.get<double>() - low.get<double>(), decimals), 12, true) + " long";
+            line += "   " + padded(number_text(high.get<double>() - low.get<double>(), decimals), 12, true) +
+                    unit_behind(text_of(report, axis < 2 ? "unit" : "vertical_unit")) + " long";
         block.row("bounds", line);
     }
 }
@@ -84,12 +98,23 @@ void vector_row(const ordered_json& report, const char* key, Block& block) {
     block.row(key, line);
 }
 
-// WKT begins with the kind and the name of the system, PROJCS["NAD83 / UTM zone 15N",...; the rest fills a screen.
-std::string crs_text(const std::string& crs) {
+// "EPSG:25832 ETRS89 / UTM zone 32N, unit metre"; of a text that means nothing to PROJ what names it, as WKT fills a screen.
+std::string crs_text(const ordered_json& report) {
+    const std::string crs = report["crs"];
     const size_t bracket = crs.find_first_of("[(");
+    const bool is_wkt = crs.size() >= 80 && bracket != std::string::npos;
+    const std::string size = is_wkt ? "  (WKT of " + std::to_string(crs.size()) + " bytes)" : "";
+    if (report.contains("crs_name")) {
+        const std::string id = report["crs_id"].is_string() ? report["crs_id"].get<std::string>() + " " : "", unit = text_of(report, "unit"),
+                          vertical = text_of(report, "vertical_unit");
+        std::string line = id + report["crs_name"].get<std::string>();
+        if (!unit.empty()) line += ", unit " + unit;
+        if (!vertical.empty() && vertical != unit) line += ", of heights " + vertical;
+        return printable(line) + size;
+    }
     const size_t begin = crs.find('"'), end = crs.find('"', begin == std::string::npos ? begin : begin + 1);
-    if (crs.size() < 80 || bracket == std::string::npos || end == std::string::npos) return printable(crs);
-    return printable(crs.substr(begin + 1, end - begin - 1)) + "  (WKT of " + std::to_string(crs.size()) + " bytes)";
+    if (!is_wkt || end == std::string::npos) return printable(crs);
+    return printable(crs.substr(begin + 1, end - begin - 1)) + size;
 }
 
 std::string range_text(const ordered_json& values) {
@@ -144,7 +169,7 @@ void sampling_rows(const ordered_json& levels, Block& block) {
 
 void layer_rows(const ordered_json& report, Block& block) {
     if (report.contains("nodes")) block.row("nodes", with_commas(report["nodes"]));
-    if (report.contains("spacing") && report["spacing"].is_number()) block.row("spacing", number_text(report["spacing"]));
+    if (report.contains("spacing") && report["spacing"].is_number()) block.row("spacing", number_text(report["spacing"]) + unit_behind(text_of(report, "unit")));
     if (report.contains("points_per_level")) {
         size_t level = 0;
         for (const ordered_json& count : report["points_per_level"])
@@ -168,7 +193,7 @@ std::string info_text(const std::string& report_json) {
     bounds_rows(report, block);
     vector_row(report, "scale", block);
     vector_row(report, "offset", block);
-    if (report["crs"].is_string()) block.row("crs", crs_text(report["crs"]));
+    if (report["crs"].is_string()) block.row("crs", crs_text(report));
     layer_rows(report, block);
     if (report.contains("rgb_bits") && report["rgb_bits"] != 0) block.row("rgb", std::to_string(report["rgb_bits"].get<int>()) + " of 16 bits used");
     attribute_rows(report["attributes"], block);

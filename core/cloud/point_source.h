@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -12,6 +13,14 @@
 
 namespace strata {
 
+/// A record of GeoTIFF keys as a LAS file holds it: 34735 the keys, 34736 their numbers, 34737 their texts.
+struct CrsRecord {
+    uint16_t id = 0;
+    std::vector<std::byte> bytes;
+
+    bool operator==(const CrsRecord&) const = default;
+};
+
 /// What a cloud says of itself.
 struct CloudInfo {
     std::string format;  // "las 1.2, point format 3"; "potree 2.0, DEFAULT"
@@ -21,7 +30,8 @@ struct CloudInfo {
     double worst_rounding = 0.0;  // world units, an axis: how far bringing several files to one quantization moves points
     std::vector<Attribute> attributes;
     std::vector<std::vector<double>> attribute_min, attribute_max;  // [attribute][component] stored values, as stated; empty: unknown
-    std::string crs;  // WKT, or "EPSG:n" from GeoTIFF keys; empty: unknown
+    std::string crs;  // WKT, "EPSG:n" or "EPSG:h+v", or only a name where GeoTIFF keys could not be translated; empty: unknown
+    std::vector<CrsRecord> crs_records;  // where the file has GeoTIFF keys: what a LAS writer keeps of what `crs` cannot say
     std::vector<std::string> notes;  // what the reader left out or found odd but not wrong; a line each
 };
 

@@ -12,9 +12,9 @@ CloudInfo cloud_info(const ByteSource& source, const Header& header, const Colum
     info.bounds = header.bounds;
     info.quantization = header.quantization;
     info.attributes = columns.attributes();
-    info.crs = read_crs(source, header, notes);
-    if (point_layout(header.point_format).wave) notes.push_back("wave packets are left out");
     info.notes = std::move(notes);
+    read_crs(source, header, info);
+    if (point_layout(header.point_format).wave) info.notes.push_back("wave packets are left out");
     return info;
 }
 

@@ -94,10 +94,52 @@ TEST_F(InfoCommand, AnHonestHeaderHasNoWarnings) {
     EXPECT_FALSE(json::parse(result.out).contains("warnings")) << result.out;
 }
 
+// The header's box is one unit wide: of degrees, of feet, of what the system says.
+TEST_F(InfoCommand, TheSystemHasItsNameAndItsUnits) {
+    const auto with_keys = [](std::vector<int> words) {
+        test::LasFile file = scan();
+        std::vector<std::byte> keys;
+        for (const int word : words) test::put(keys, uint16_t(word));
+        file.vlrs = {{"LASF_Projection", 34735, keys}};
+        return file;
+    };
+    const std::string feet = write("feet.las", with_keys({1, 1, 0, 3, 3072, 0, 1, 2225, 4096, 0, 1, 5703, 4099, 0, 1, 9001}));
+    const json report = json::parse(run_strata({"info", "--json", feet}).out);
+    EXPECT_EQ(report["crs"], "EPSG:2225+5703");
+    EXPECT_EQ(report["crs_id"], "EPSG:2225+5703");
+    EXPECT_EQ(report["crs_name"], "NAD83 / California zone 1 (ftUS) + NAVD88 height");
+    EXPECT_EQ(report["unit"], "US survey foot");
+    EXPECT_EQ(report["vertical_unit"], "metre");
+    const std::string text = run_strata({"info", feet}).out;
+    for (const char* const part : {"  crs           EPSG:2225+5703 NAD83 / California zone 1 (ftUS) + NAVD88 height, unit US survey foot, of heights metre\n",
+                                   " 1.00 US survey foot long\n", " 1.00 m long\n"})
+        EXPECT_NE(text.find(part), std::string::npos) << part << text;
+
+    const json degrees = json::parse(run_strata({"info", "--json", write("degrees.las", with_keys({1, 1, 0, 1, 2048, 0, 1, 4326}))}).out);
+    EXPECT_EQ(degrees["unit"], "degree");
+    EXPECT_TRUE(degrees["vertical_unit"].is_null());
+    EXPECT_FALSE(json::parse(run_strata({"info", "--json", write("none.las", with_keys({1, 1, 0, 0}))}).out).contains("unit"));
+}
+
+// PROJ's database may be missing: points can be read without it, and one line says so.
+TEST_F(InfoCommand, WithoutProjsDatabaseACodeIsTakenUnseen) {
+    test::LasFile file = scan();
+    std::vector<std::byte> keys;
+    for (const int word : {1, 1, 0, 1, 3072, 0, 1, 25832}) test::put(keys, uint16_t(word));
+    file.vlrs = {{"LASF_Projection", 34735, keys}};
+    const std::string path = write("scan.las", file);
+    const ProgramResult result = test::run_program({"/usr/bin/env", "PROJ_DATA=/nowhere", STRATA_PROGRAM, "info", "--json", path});
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_EQ(result.err, "");
+    const json report = json::parse(result.out);
+    EXPECT_EQ(report["crs"], "EPSG:25832");
+    EXPECT_EQ(report["notes"], json({"EPSG:25832 of its GeoTIFF keys is taken unseen: PROJ's database, proj.db, is not found"}));
+}
+
 TEST_F(InfoCommand, TextNamesEveryPart) {
     const ProgramResult result = run_strata({"info", "--exact", write("scan.las", scan())});
     ASSERT_EQ(result.exit_code, 0) << result.err;
-    for (const char* const part : {"las 1.4, point format 7", "points        3\n", "LOCAL_CS", "8 of 16 bits", "intensity", "ground", "warnings"})
+    for (const char* const part : {"las 1.4, point format 7", "points        3\n", "crs           here\n", "8 of 16 bits", "intensity", "ground", "warnings"})
         EXPECT_NE(result.out.find(part), std::string::npos) << part << "\n" << result.out;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "io/crs/crs_text.h"
 #include "io/las/las_source.h"
 #include "tests/support/las_file.h"
 #include "tests/support/points_of.h"
@@ -145,6 +146,39 @@ TEST(MergedSource, EightBitColorIsWidenedNextToSixteen) {
     words.records = {las_record(2, {.rgb = {0, 128, 65535}})};
     EXPECT_EQ(values_of(*merge({bytes, words}), test::points_of(*merge({bytes, words})), "rgb"), (Values{0, 128 * 257, 65535, 0, 128, 65535}));
     EXPECT_EQ(values_of(*merge({bytes, bytes}), test::points_of(*merge({bytes, bytes})), "rgb"), (Values{0, 128, 255, 0, 128, 255}));
+}
+
+LasFile file_in(const std::string& wkt, int code = 0) {
+    LasFile file{};
+    file.records = {las_record(0, {})};
+    if (!wkt.empty()) file.vlrs.push_back({"LASF_Projection", 2112, test::bytes_of(wkt)});
+    if (code == 0) return file;
+    std::vector<std::byte> keys;
+    for (const int word : {1, 1, 0, 1, 3072, 0, 1, code}) test::put(keys, uint16_t(word));
+    file.vlrs.push_back({"LASF_Projection", 34735, keys});
+    return file;
+}
+
+TEST(MergedSource, OneSystemSaidInTwoWaysIsOne) {
+    const auto merged = merge({file_in("", 2056), file_in(wkt1_of_crs("EPSG:2056")), file_in("")});
+    EXPECT_EQ(merged->info().crs, "EPSG:2056");
+    EXPECT_TRUE(merged->info().notes.empty()) << merged->info().notes[0];
+}
+
+TEST(MergedSource, AnotherSystemIsNamed) {
+    const auto merged = merge({file_in(""), file_in("", 25832), file_in("", 25833), file_in("mine")});
+    EXPECT_EQ(merged->info().crs, "EPSG:25832");
+    ASSERT_EQ(merged->info().notes.size(), 2u);
+    EXPECT_EQ(merged->info().notes[0],
+              "file2: its coordinate reference system, EPSG:25833 ETRS89 / UTM zone 33N, differs from that of the files before it, EPSG:25832 ETRS89 / "
+              "UTM zone 32N, which is kept; convert --out-crs brings all to one");
+    EXPECT_TRUE(merged->info().notes[1].starts_with("file3: its coordinate reference system, mine, differs")) << merged->info().notes[1];
+}
+
+TEST(MergedSource, RecordsOfKeysAreKeptWhereAllHaveTheSame) {
+    EXPECT_EQ(merge({file_in("", 2056), file_in("", 2056)})->info().crs_records.size(), 1u);
+    EXPECT_TRUE(merge({file_in("", 2056), file_in(wkt1_of_crs("EPSG:2056"))})->info().crs_records.empty());
+    EXPECT_TRUE(merge({file_in(""), file_in("", 2056)})->info().crs_records.empty());
 }
 
 }  // namespace

@@ -48,5 +48,20 @@ TEST(LasCrs, ACitationBeyondItsTextIsNone) {
     EXPECT_EQ(crs_of({keys, {"LASF_Projection", 34737, test::bytes_of("abc|mine|")}}), "");
 }
 
+// A writer can keep what cannot be translated: the records of the keys, as they are.
+TEST(LasCrs, TheRecordsOfTheKeysAreKept) {
+    const Bytes doubles = test::bytes_of("12345678"), texts = test::bytes_of("mine|");
+    const auto records_of = [&](const std::vector<LasFile::Vlr>& vlrs) {
+        LasFile file{.point_format = 0};
+        file.vlrs = vlrs;
+        file.records = {test::las_record(0, {})};
+        return LasSource(memory_source("crs.las", file.bytes())).info().crs_records;
+    };
+    const std::vector<CrsRecord> records = records_of({{"LASF_Projection", 34737, texts}, kWkt, kProjected, {"LASF_Projection", 34736, doubles}});
+    const std::vector<CrsRecord> expected = {{34735, kProjected.payload}, {34736, doubles}, {34737, texts}};
+    EXPECT_EQ(records, expected);
+    EXPECT_TRUE(records_of({kWkt}).empty());
+}
+
 }  // namespace
 }  // namespace strata

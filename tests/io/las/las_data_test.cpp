@@ -8,6 +8,7 @@
 
 #include "core/cloud/cloud_statistics.h"
 #include "core/error.h"
+#include "io/crs/crs_text.h"
 #include "io/format.h"
 #include "io/las/laz_source.h"
 
@@ -134,6 +135,15 @@ TEST(LasData, ReferenceSystems) {
     EXPECT_EQ(crs_of("1.2-with-color.las"), "");
     EXPECT_TRUE(crs_of("test1_4.las").starts_with("PROJCS[\"NAD83(HARN) / New Mexico Central (ftUS)"));
     EXPECT_TRUE(crs_of("autzen_trim_7.las").starts_with("PROJCS["));
+    // Heights in feet, by a datum's number and a unit: "4_6_crop", New Mexico at 7,100 feet.
+    EXPECT_TRUE(same_crs(crs_of("4_6_crop.las"), "EPSG:2903+6360")) << crs_of("4_6_crop.las");
+    // Eastings around 2,050,000 are feet, though the code is that of meters.
+    EXPECT_NE(crs_of("mvk-thin.las").find("UNIT[\"US survey foot\",0.3048006"), std::string::npos) << crs_of("mvk-thin.las");
+    // A projection in parameters alone: the zone CC45 of the French network.
+    const auto plane = describe_crs(crs_of("../laz/plane.laz"));
+    ASSERT_TRUE(plane);
+    EXPECT_EQ(plane->unit, "metre");
+    EXPECT_NE(crs_of("../laz/plane.laz").find("PARAMETER[\"standard_parallel_2\",45.75],PARAMETER[\"false_easting\",1700000]"), std::string::npos);
 }
 
 TEST(LasData, FormatsThatAreNotReadableAreToldApart) {
