@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 constexpr std::array kFormats = {
     Format{"las", "LAS 1.0 to 1.4, point formats 0 to 10", ".las", FormatKind::points, true},
     Format{"laz", "LAZ, compressed LAS, point formats 0 to 10", ".laz", FormatKind::points, false},
-    Format{"copc", "COPC 1.0, a LAZ file with an octree", ".copc.laz", FormatKind::layered, false},
+    Format{"copc", "COPC 1.0, a LAZ file with an octree", ".copc.laz", FormatKind::layered, true},
     Format{"potree", "Potree 2.0, a folder with metadata.json", "", FormatKind::layered, true},
     Format{"3dtiles", "3D Tiles, tileset.json or .pnts", ".json .pnts", FormatKind::not_readable, false},
     Format{"ept", "Entwine Point Tiles, a folder with ept.json", "", FormatKind::not_readable, false},

@@ -20,7 +20,7 @@ namespace strata {
 namespace {
 
 constexpr OptionRow kRows[] = {
-    {"--format", "-f", "FORMAT", "", "format of OUT: potree; default: what the ending of OUT says, else potree"},
+    {"--format", "-f", "FORMAT", "", "format of OUT: potree or copc; default: what the ending of OUT says, else potree"},
     {"--encoding", "-e", "default|brotli", "default", "potree: plain records, or smaller and slower"},
     {"--quality", "", "0...11", "2", "effort of the brotli encoding; the user guide has its size and time"},
     {"--bounds", "-b", "BOX", "", "only the points in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units; a number left out is no limit; several with ';'"},
@@ -69,7 +69,7 @@ struct Kind {
     std::string_view format;
     std::unique_ptr<ConvertOutput> (*make)(const ConvertRequest&, const Options&);
 };
-constexpr std::array kKinds = {Kind{"potree", make_lod_output}};
+constexpr std::array kKinds = {Kind{"potree", make_lod_output}, Kind{"copc", make_lod_output}};
 
 const Kind& kind_of(const Options& options) {
     const std::string format = options.given("--format") ? options.text("--format") : std::string(format_of_name(options.positional.back()));

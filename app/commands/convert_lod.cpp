@@ -8,6 +8,7 @@
 #include "app/quantity_text.h"
 #include "core/error.h"
 #include "core/octree/octree_builder.h"
+#include "io/copc/copc_writer.h"
 #include "io/potree/potree_writer.h"
 #include "io/scratch_file.h"
 
@@ -53,13 +54,20 @@ std::optional<SurfaceSettings> surface_settings(const Options& options) {
     return settings;
 }
 
+std::unique_ptr<NodeWriter> make_writer(const ConvertRequest& request, const Options& options) {
+    if (request.format == "potree") return make_potree_writer(request.output, potree_settings(request, options));
+    for (const char* const flag : {"--encoding", "--quality"})
+        if (options.given(flag)) throw Error(ErrorKind::usage, std::string(flag) + " is for potree, the output is " + request.format);
+    return make_copc_writer(request.output, {.overwrite = request.overwrite, .durability = request.durability});
+}
+
 class LodOutput : public ConvertOutput {
 public:
     LodOutput(const ConvertRequest& request, const Options& options) : request_(request) {
         settings_.threads = request.threads;
         settings_.memory_bytes = request.memory_bytes;
         settings_.surface = surface_settings(options);
-        writer_ = make_potree_writer(request.output, potree_settings(request, options));
+        writer_ = make_writer(request, options);
     }
 
     ConvertReport write(const PointSource& source, ProgressLine& progress, nlohmann::ordered_json& json) override {
@@ -79,13 +87,14 @@ public:
                 .temporary_bytes = report.temporary_bytes,
                 .output_bytes = writer_->output_bytes(),
                 .worst_rounding = report.worst_rounding,
+                .notes = writer_->notes(),
                 .shape = "in " + with_commas(report.nodes) + " nodes on " + std::to_string(report.levels) + " levels"};
     }
 
 private:
     ConvertRequest request_;
     BuildSettings settings_;
-    std::unique_ptr<PotreeWriter> writer_;
+    std::unique_ptr<NodeWriter> writer_;
 };
 
 }  // namespace

@@ -35,7 +35,7 @@ Attribute stored_form(Attribute attribute) {
     return attribute;
 }
 
-class Writer : public PotreeWriter {
+class Writer : public NodeWriter {
 public:
     Writer(const std::string& folder, const PotreeWriteSettings& settings)
         : settings_(settings), folder_(folder, kMetadataName, settings.overwrite), points_file_(folder_.path_of("octree.bin"), true) {}
@@ -162,7 +162,7 @@ private:
 
 }  // namespace
 
-std::unique_ptr<PotreeWriter> make_potree_writer(const std::string& folder, const PotreeWriteSettings& settings) {
+std::unique_ptr<NodeWriter> make_potree_writer(const std::string& folder, const PotreeWriteSettings& settings) {
     return std::make_unique<Writer>(folder, settings);
 }
 

@@ -3,7 +3,7 @@
 #include <memory>
 #include <string>
 
-#include "core/octree/node_sink.h"
+#include "io/node_writer.h"
 #include "io/output_file.h"
 
 namespace strata {
@@ -19,12 +19,7 @@ struct PotreeWriteSettings {
 
 /// Writes a Potree 2.0 folder: metadata.json, hierarchy.bin, octree.bin. It gets its name when finish() has put all
 /// on the disk; until then, and when anything fails, an earlier output stays as it was.
-class PotreeWriter : public NodeSink {
-public:
-    virtual uint64_t output_bytes() const = 0;  // of all three files, after finish()
-};
-
 /// throws  Error{io}: the folder exists and may not be replaced, or cannot be made
-std::unique_ptr<PotreeWriter> make_potree_writer(const std::string& folder, const PotreeWriteSettings& settings);
+std::unique_ptr<NodeWriter> make_potree_writer(const std::string& folder, const PotreeWriteSettings& settings);
 
 }  // namespace strata

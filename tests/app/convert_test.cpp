@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <tuple>
 
 #include "core/octree/layered_points.h"
 #include "io/format.h"
@@ -116,6 +118,104 @@ TEST_F(Convert, BothEncodingsHoldEveryPointOfEveryFormat) {
         }
 }
 
+// As a hierarchy and as the plain LAZ file that it is, too.
+TEST_F(Convert, CopcHoldsEveryPointOfTheNewerFormats) {
+    const std::string set = folder_.file("set.copc.laz");
+    for (const int format : {6, 7, 8, 9, 10}) {  // the last two without their waveforms
+        SCOPED_TRACE("format " + std::to_string(format));
+        const std::string scan = write_scan("scan.las", format, 0, 30'000);
+        (void)converted({scan, set, "--overwrite"});
+        expect_same_points({scan}, set);
+        const std::unique_ptr<PointSource> source = open_points({&scan, 1}), plain = open_points({&set, 1});
+        EXPECT_TRUE(sorted_rows(*source, source->info().quantization) == sorted_rows(*plain, source->info().quantization));
+    }
+}
+
+// Older records gain wider fields. Of scan_point's classes 12 is the one that the newer formats say by a flag.
+TEST_F(Convert, CopcPromotesTheOlderFormats) {
+    const std::string set = folder_.file("set.copc.laz");
+    for (int format = 0; format <= 5; ++format) {
+        SCOPED_TRACE("format " + std::to_string(format));
+        const std::string scan = write_scan("scan.las", format, 0, 30'000);
+        const json report = converted({scan, set, "--overwrite"});
+        EXPECT_NE(report["notes"].dump().find("overlap"), std::string::npos) << report["notes"];
+        EXPECT_EQ(report["notes"].dump().find("GPS time") != std::string::npos, format % 2 == 0 && format != 4) << report["notes"];
+        const std::unique_ptr<PointSource> source = open_points({&scan, 1}), plain = open_points({&set, 1});
+        const PointBatch before = test::points_of(*source), after = test::points_of(*plain);
+        ASSERT_EQ(after.size, before.size);
+        const auto sorted = [](const PointSource& cloud, const PointBatch& points, std::string_view name, double scale) {
+            std::vector<double> values = test::values_of(cloud, points, name);
+            for (double& value : values) value = std::round(value * scale);
+            std::sort(values.begin(), values.end());
+            return values;
+        };
+        for (const auto& [name, promoted, scale] : {std::tuple("intensity", "intensity", 1.0), {"return number", "return number", 1.0},
+                                                    {"user data", "user data", 1.0}, {"gps-time", "gps-time", 1e6}, {"rgb", "rgb", 1.0}}) {
+            if (find_attribute(source->info().attributes, name) < 0) continue;
+            EXPECT_TRUE(sorted(*source, before, name, scale) == sorted(*plain, after, promoted, scale)) << name;
+        }
+        EXPECT_TRUE(sorted(*source, before, "scan angle rank", 1.0) == sorted(*plain, after, "scan angle", 0.006));
+        const std::vector<double> old_classes = test::values_of(*source, before, "classification"), classes = test::values_of(*plain, after, "classification"),
+                                  flags = test::values_of(*plain, after, "classification flags");
+        const auto overlaps = std::count(old_classes.begin(), old_classes.end(), 12.0);
+        EXPECT_GT(overlaps, 1000);
+        EXPECT_EQ(std::count(classes.begin(), classes.end(), 12.0), 0);
+        EXPECT_EQ(std::count(classes.begin(), classes.end(), 1.0), std::count(old_classes.begin(), old_classes.end(), 1.0) + overlaps);
+        EXPECT_EQ(std::count_if(flags.begin(), flags.end(), [](double f) { return (int(f) & 8) != 0; }), overlaps);
+    }
+}
+
+// The bytes that strict readers look at, at the places that LAS 1.4 and COPC 1.0 give.
+TEST_F(Convert, CopcHasTheHeaderThatReadersLookFor) {
+    test::LasFile file{.scale = {0.01, 0.02, 0.001}, .offset = {5e5, 5e6, -3.0}};
+    file.vlrs.push_back({"LASF_Projection", 2112, test::bytes_of("LOCAL_CS[\"here\"]")});
+    file.global_encoding = 16;
+    const std::string scan = write_scan("scan.las", 7, 0, 30'000, file), set = folder_.file("set.copc.laz");
+    (void)converted({scan, set});
+    const std::string bytes = test::file_contents(set);
+    const auto at = [&]<typename T>(size_t place, T) {
+        T value;
+        std::memcpy(&value, bytes.data() + place, sizeof value);
+        return value;
+    };
+    EXPECT_EQ(bytes.substr(377, 5), std::string("copc\0", 5));
+    EXPECT_EQ(bytes.substr(393, 2), std::string("\1\0", 2));
+    EXPECT_EQ(at(94, uint16_t()), 375);
+    EXPECT_EQ(at(104, uint8_t()), 7 | 0x80);
+    EXPECT_EQ(at(6, uint16_t()) & 16, 16);
+    for (size_t i = 107; i < 131; ++i) EXPECT_EQ(bytes[i], 0) << i;  // counts of older versions
+    EXPECT_EQ(at(131, double()), 0.01);
+    EXPECT_EQ(at(139, double()), 0.02);
+    EXPECT_EQ(at(155, double()), 5e5);
+    EXPECT_EQ(at(247, uint64_t()), 30'000u);
+    EXPECT_EQ(at(255, uint64_t()) + at(263, uint64_t()), 30'000u);  // first and second returns
+    EXPECT_EQ(at(429 + 56, double()), 1e5);                          // GPS time, least and most
+    EXPECT_EQ(at(429 + 64, double()), 1e5 + 29.999);
+    for (size_t i = 429 + 72; i < 429 + 160; ++i) EXPECT_EQ(bytes[i], 0) << i;  // reserved
+    const uint64_t first_extended = at(235, uint64_t());
+    EXPECT_EQ(at(243, uint32_t()), 1u);
+    EXPECT_EQ(bytes.substr(first_extended + 2, 5), std::string("copc\0", 5));
+    EXPECT_EQ(at(first_extended + 18, uint16_t()), 1000);
+    EXPECT_EQ(first_extended + 60 + at(first_extended + 20, uint64_t()), bytes.size());
+    EXPECT_EQ(at(429 + 40, uint64_t()), first_extended + 60);  // the root's page
+    EXPECT_EQ(open_layered(set)->info().crs, "LOCAL_CS[\"here\"]");
+}
+
+// Neither threads nor memory show in the file.
+TEST_F(Convert, CopcIsTheSameBytesHoweverItIsMade) {
+    const std::string scan = write_scan("scan.las", 8, 0, 200'000);
+    (void)converted({scan, folder_.file("a.copc.laz"), "--threads", "1"});
+    (void)converted({scan, folder_.file("b.copc.laz"), "--threads", "5"});
+    EXPECT_TRUE(test::file_contents(folder_.file("a.copc.laz")) == test::file_contents(folder_.file("b.copc.laz")));
+}
+
+TEST_F(Convert, CopcOfNoPoints) {
+    const std::string set = folder_.file("set.copc.laz");
+    EXPECT_EQ(converted({write_scan("scan.las", 6, 0, 0, {.record_size = 30}), set})["points_written"], 0);
+    EXPECT_EQ(open_layered(set)->info().points, 0u);
+    EXPECT_EQ(run_strata({"info", "--exact", set}).exit_code, 0);
+}
+
 TEST_F(Convert, ReportsWhatItDid) {
     const std::string scan = write_scan("scan.las", 3, 0, 30'000);
     const json report = converted({scan, out_});
@@ -184,8 +284,9 @@ TEST_F(Convert, FilesOfSeveralScalesAndOffsetsKeepTheirPlaces) {
 TEST_F(Convert, WrongWordsAreUsageErrors) {
     const std::string scan = write_scan("scan.las", 0, 0, 10);
     expect_refused(run_strata({"convert", scan, out_, "--encoding", "zip"}), 2, "--encoding: expected default or brotli, got 'zip'");
-    expect_refused(run_strata({"convert", scan, out_, "--format", "xyz"}), 2, "--format: expected potree, got 'xyz'");
+    expect_refused(run_strata({"convert", scan, out_, "--format", "xyz"}), 2, "--format: expected potree, copc, got 'xyz'");
     expect_refused(run_strata({"convert", scan, out_, "--encoding", "brotli", "--quality", "12"}), 2, "--quality: expected a whole number from 0 to 11");
+    expect_refused(run_strata({"convert", scan, folder_.file("set.copc.laz"), "--encoding", "brotli"}), 2, "--encoding is for potree, the output is copc");
     expect_refused(run_strata({"convert", scan, out_, "--threads", "0"}), 2, "--threads");
     expect_refused(run_strata({"convert", scan, out_, "--memory", "much"}), 2, "--memory: expected a size");
     expect_refused(run_strata({"convert", scan}), 2, "expected IN... OUT");

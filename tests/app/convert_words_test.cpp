@@ -111,7 +111,7 @@ TEST_F(ConvertWords, FailuresAreOneLineAndComeFirst) {
 
 TEST_F(ConvertWords, WrongOptionsAreUsageErrorsBeforeAnythingIsRead) {
     for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
-             {"--encoding", "zip"}, {"--quality", "12", "--encoding", "brotli"}, {"--quality", "5"}, {"--format", "copc"}, {"--memory", "0"},
+             {"--encoding", "zip"}, {"--quality", "12", "--encoding", "brotli"}, {"--quality", "5"}, {"--format", "xyz"}, {"--memory", "0"},
              {"--every", "0"}, {"--classes", "x"}, {"--bounds", "1,2"}}) {
         std::vector<std::string> line = {"convert", file("not there.las"), file("out")};
         line.insert(line.end(), words.begin(), words.end());
