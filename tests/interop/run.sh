@@ -1,5 +1,5 @@
 #!/bin/sh
-# The interop test: a simulated scan, converted by strata in both encodings, is opened by viewers that others wrote.
+# The interop test: a simulated scan, converted by strata, is opened by viewers and decoders that others wrote.
 #   run.sh STRATA    the program. Exit 77: skipped, saying why
 strata=$1
 here=$(dirname "$0")
@@ -11,4 +11,6 @@ set -e
 "$strata" sample "$work/scan.las" --points 200000 --seed 7 --quiet
 "$strata" convert "$work/scan.las" "$work/plain" --format potree --encoding default --quiet
 "$strata" convert "$work/scan.las" "$work/brotli" --format potree --encoding brotli --quiet
+"$strata" convert "$work/scan.las" "$work/scan.copc.laz" --quiet
+node "$here/check_laz.mjs" "$work/scan.las" "$work/scan.copc.laz"
 node "$here/check_potree.mjs" "$work/plain" "$work/brotli"
