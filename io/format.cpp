@@ -29,7 +29,7 @@ constexpr std::array kFormats = {
     Format{"e57", "ASTM E57", ".e57", FormatKind::not_readable, false},
     Format{"ply", "Stanford polygon file", ".ply", FormatKind::not_readable, false},
     Format{"pcd", "Point Cloud Library file", ".pcd", FormatKind::not_readable, false},
-    Format{"drc", "Draco, points and the vertices of meshes", ".drc", FormatKind::points, false},
+    Format{"drc", "Draco, points and the vertices of meshes", ".drc", FormatKind::points, true},
 };
 
 const Format& format_named(std::string_view name) {

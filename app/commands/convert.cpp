@@ -20,9 +20,10 @@ namespace strata {
 namespace {
 
 constexpr OptionRow kRows[] = {
-    {"--format", "-f", "FORMAT", "", "format of OUT: potree or copc; default: what the ending of OUT says, else potree"},
+    {"--format", "-f", "FORMAT", "", "format of OUT: potree, copc or drc; default: what the ending of OUT says, else potree"},
     {"--encoding", "-e", "default|brotli", "default", "potree: plain records, or smaller and slower"},
     {"--quality", "", "0...11", "2", "effort of the brotli encoding; the user guide has its size and time"},
+    {"--max-error", "", "UNITS", "", "drc: how far a coordinate may move, CRS units; default: half of the source's quantum, so that strata reads its integers back"},
     {"--bounds", "-b", "BOX", "", "only the points in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units; a number left out is no limit; several with ';'"},
     {"--classes", "-c", "LIST", "", "only the points of these classes: 2,6 or 3:5"},
     {"--every", "", "N", "1", "only every N-th point, of those that the others leave"},
@@ -69,7 +70,7 @@ struct Kind {
     std::string_view format;
     std::unique_ptr<ConvertOutput> (*make)(const ConvertRequest&, const Options&);
 };
-constexpr std::array kKinds = {Kind{"potree", make_lod_output}, Kind{"copc", make_lod_output}};
+constexpr std::array kKinds = {Kind{"potree", make_lod_output}, Kind{"copc", make_lod_output}, Kind{"drc", make_draco_output}};
 
 const Kind& kind_of(const Options& options) {
     const std::string format = options.given("--format") ? options.text("--format") : std::string(format_of_name(options.positional.back()));
@@ -93,6 +94,7 @@ ConvertRequest request_of(const Options& options, const Kind& kind) {
 
 int run(const Options& options) {
     const Kind& kind = kind_of(options);
+    if (options.given("--max-error") && kind.format != "drc") throw Error(ErrorKind::usage, "--max-error is for drc, the output is " + std::string(kind.format));
     const ConvertRequest request = request_of(options, kind);
     const WantedPoints wanted = wanted_points(options);
     const std::vector<std::string> inputs = point_files(std::span(options.positional).first(options.positional.size() - 1));

@@ -48,5 +48,6 @@ public:
 // Each checks the options that are its own and refuses an output that is in the way, before any point is read.
 // throws  Error{usage}: the options; Error{io}: the output
 std::unique_ptr<ConvertOutput> make_lod_output(const ConvertRequest& request, const Options& options);
+std::unique_ptr<ConvertOutput> make_draco_output(const ConvertRequest& request, const Options& options);
 
 }  // namespace strata

@@ -85,5 +85,75 @@ TEST(DracoCommands, ABadFileIsOneLine) {
     EXPECT_EQ(test::refusal_verdict(run_strata({"info", path})), "");
 }
 
+// A scan goes to Draco and comes back as the very same points: what is built of it has the bytes of what is built of the scan.
+TEST(DracoCommands, AScanComesBackFromAFileAndFromAFolder) {
+    const TemporaryFolder folder;
+    const std::string scan = folder.file("scan.las");
+    const ProgramResult made = run_strata({"sample", scan, "--points", "300000", "--quiet"});
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+    const ProgramResult file = run_strata({"convert", scan, folder.file("scan.drc"), "--json", "--memory", "2G"});
+    ASSERT_EQ(file.exit_code, 0) << file.err;
+    const json report = json::parse(file.out);
+    EXPECT_EQ(report["points_read"], 300000);
+    EXPECT_EQ(report["points_written"], 300000);
+    EXPECT_EQ(report["points_dropped"], 0);
+    EXPECT_EQ(report["blocks"], 1);
+    EXPECT_EQ(report["exact"], true);
+    EXPECT_EQ(report["output_bytes"], std::filesystem::file_size(folder.file("scan.drc")));
+    EXPECT_GT(report["worst_rounding"], 0.0);  // what others see: steps of a power of two below those of the scan
+    EXPECT_LE(report["worst_rounding"], 0.0005);
+    const ProgramResult blocks = run_strata({"convert", scan, folder.file("blocks"), "--format", "drc", "--json", "--memory", "2G"});
+    ASSERT_EQ(blocks.exit_code, 0) << blocks.err;
+    EXPECT_EQ(json::parse(blocks.out)["blocks"], 2);
+    EXPECT_EQ(test::entries(folder.file("blocks")), 2u);
+
+    for (const std::string& input : {scan, folder.file("scan.drc"), folder.file("blocks")}) {
+        const ProgramResult built = run_strata({"convert", input, input + ".set", "--quiet"});
+        ASSERT_EQ(built.exit_code, 0) << built.err;
+    }
+    for (const char* name : {"/octree.bin", "/hierarchy.bin"}) {
+        const std::string expected = test::file_contents(scan + ".set" + name);
+        EXPECT_FALSE(expected.empty());
+        EXPECT_TRUE(test::file_contents(folder.file("scan.drc.set") + name) == expected) << name;
+        EXPECT_TRUE(test::file_contents(folder.file("blocks.set") + name) == expected) << name;
+    }
+}
+
+TEST(DracoCommands, MaxErrorIsHeldAndReported) {
+    const TemporaryFolder folder;
+    const std::string scan = folder.file("scan.las");
+    ASSERT_EQ(run_strata({"sample", scan, "--points", "20000", "--quiet"}).exit_code, 0);
+    double bytes = 1e9;
+    for (const char* error : {"0.005", "0.05", "0.5"}) {
+        const std::string out = folder.file(std::string(error) + ".drc");
+        const ProgramResult result = run_strata({"convert", scan, out, "--max-error", error, "--json"});
+        ASSERT_EQ(result.exit_code, 0) << result.err;
+        const json report = json::parse(result.out);
+        EXPECT_LE(report["worst_rounding"], std::stod(error));
+        EXPECT_GT(report["worst_rounding"], 0.4 * std::stod(error));
+        EXPECT_EQ(report["exact"], false);
+        EXPECT_LT(double(report["output_bytes"]), bytes);
+        bytes = report["output_bytes"];
+    }
+    const ProgramResult told = run_strata({"convert", scan, folder.file("told.drc"), "--max-error", "0.05"});
+    EXPECT_NE(told.err.find("in 1 block, coordinates within 0.03"), std::string::npos) << told.err;  // half of 2^-4
+}
+
+TEST(DracoCommands, WhatIsAskedWronglyIsSaid) {
+    const TemporaryFolder folder;
+    const std::string scan = folder.file("scan.las");
+    ASSERT_EQ(run_strata({"sample", scan, "--points", "2000", "--quiet"}).exit_code, 0);
+    const auto expect_refused = [&](std::vector<std::string> words, int exit_code, const std::string& part) {
+        const ProgramResult result = run_strata(words);
+        EXPECT_EQ(result.exit_code, exit_code) << result.err;
+        EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
+    };
+    expect_refused({"convert", scan, folder.file("a.drc"), "--max-error", "0"}, 2, "--max-error: a positive number");
+    expect_refused({"convert", scan, folder.file("set"), "--max-error", "0.1"}, 2, "--max-error is for drc, the output is potree");
+    expect_refused({"convert", scan, folder.file("a.drc"), "--bounds", "0,0,0,1,1,1"}, 1, "no points to write");
+    EXPECT_FALSE(std::filesystem::exists(folder.file("a.drc")));
+    expect_refused({"convert", scan, folder.file("a.drc"), "--memory", "64M"}, 1, "a folder of blocks");
+}
+
 }  // namespace
 }  // namespace strata

@@ -1,0 +1,56 @@
+// What strata convert does for Draco: a file, or a folder of blocks.
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "app/commands/convert_output.h"
+#include "app/quantity_text.h"
+#include "core/error.h"
+#include "io/draco/draco_writer.h"
+
+namespace strata {
+namespace {
+
+class DracoOutput : public ConvertOutput {
+public:
+    DracoOutput(const ConvertRequest& request, const Options& options) {
+        settings_.overwrite = request.overwrite;
+        settings_.durability = request.durability;
+        settings_.threads = request.threads;
+        settings_.memory_bytes = request.memory_bytes;
+        if (options.given("--max-error")) settings_.max_error = options.number("--max-error");
+        if (options.given("--max-error") && settings_.max_error <= 0.0) throw Error(ErrorKind::usage, "--max-error: a positive number expected");
+        // The points come with the writing, and with them the progress line.
+        settings_.on_progress = [this](uint64_t done, uint64_t total) {
+            if (progress_) progress_->update("encoding", done, total);
+        };
+        writer_ = make_draco_writer(request.output, settings_);
+    }
+
+    ConvertReport write(const PointSource& source, ProgressLine& progress, nlohmann::ordered_json& json) override {
+        progress_ = &progress;
+        const DracoWriteReport report = writer_->write(source);
+        json["blocks"] = report.blocks;
+        json["exact"] = report.exact;
+        char shape[96];
+        std::snprintf(shape, sizeof shape, "in %s block%s, coordinates within %.3g%s", with_commas(report.blocks).c_str(), report.blocks == 1 ? "" : "s",
+                      report.worst_error, report.exact ? " (exact in strata)" : "");
+        return {.points_read = report.points,
+                .points_written = report.points,
+                .output_bytes = report.output_bytes,
+                .worst_rounding = source.info().worst_rounding + report.worst_error,
+                .shape = shape};
+    }
+
+private:
+    DracoWriteSettings settings_;
+    ProgressLine* progress_ = nullptr;
+    std::unique_ptr<DracoWriter> writer_;
+};
+
+}  // namespace
+
+std::unique_ptr<ConvertOutput> make_draco_output(const ConvertRequest& request, const Options& options) {
+    return std::make_unique<DracoOutput>(request, options);
+}
+
+}  // namespace strata
