@@ -196,7 +196,7 @@ private:
                 const double ratio = plan.ratio[size_t(axis)], off_step = std::abs(shift - std::round(shift));
                 const bool whole_steps = ratio == std::round(ratio);
                 const double rounding = (whole_steps ? off_step : 0.5) * scale;
-                if (rounding > 1e-6 * scale) info_.worst_rounding = std::max(info_.worst_rounding, rounding);
+                info_.worst_rounding = std::max(info_.worst_rounding, info.worst_rounding + (rounding > 1e-6 * scale ? rounding : 0.0));
             }
         }
     }

@@ -14,6 +14,8 @@
 #include "app/quantity_text.h"
 #include "core/cloud/selected_source.h"
 #include "core/error.h"
+#include "io/crs/crs_text.h"
+#include "io/crs/reprojected_source.h"
 #include "io/format.h"
 
 namespace strata {
@@ -27,6 +29,8 @@ constexpr OptionRow kRows[] = {
     {"--bounds", "-b", "BOX", "", "only the points in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units; a number left out is no limit; several with ';'"},
     {"--classes", "-c", "LIST", "", "only the points of these classes: 2,6 or 3:5"},
     {"--every", "", "N", "1", "only every N-th point, of those that the others leave"},
+    {"--in-crs", "", "CRS", "", "the coordinate reference system that the files are in, where they do not say or say wrong: EPSG:n, EPSG:n+m with heights, WKT or a PROJ string"},
+    {"--out-crs", "", "CRS", "", "transform the points to this coordinate reference system; --bounds is in the coordinates of the input, --viewpoint in those of the output"},
     {"--normals", "", "[K]", "16", "compute normals from the K nearest points (3 to 256), as NormalX, NormalY, NormalZ"},
     {"--viewpoint", "", "X,Y,Z", "", "where the scanner stood, CRS units: normals look there; default: upwards"},
     {"--density", "", "", "", "compute the density, points per square unit, from the K nearest points"},
@@ -57,6 +61,38 @@ std::unique_ptr<PointSource> select_points(std::unique_ptr<PointSource> source, 
     PointSelection selection = {wanted.bounds, PointFilter(source->info(), wanted.classes), wanted.every};
     if (selection.everything()) return source;
     return std::make_unique<SelectedSource>(std::move(source), std::move(selection), threads);
+}
+
+// The systems of --in-crs and --out-crs; empty: as the files say, and no other.
+struct WantedSystems {
+    std::string in, out;
+};
+
+WantedSystems wanted_systems(const Options& options) {
+    const auto system_of = [&](const char* flag) {
+        const std::string text = options.text(flag);
+        try {
+            if (options.given(flag)) check_crs(text);
+        } catch (const Error& error) {
+            throw error.within(flag);
+        }
+        return text;
+    };
+    return {system_of("--in-crs"), system_of("--out-crs")};
+}
+
+std::unique_ptr<PointSource> open_wanted(std::span<const std::string> inputs, const WantedPoints& wanted, const WantedSystems& systems, int threads) {
+    size_t file = 0;
+    WantedPoints of_file = {wanted.bounds, wanted.classes, 1}, of_all = wanted;
+    if (!systems.out.empty()) of_all = {{}, {}, wanted.every};
+    // Each file is brought to the new system by itself, so that files may be in several; boxes are in its own.
+    const auto in_system = [&](std::unique_ptr<PointSource> source) {
+        const std::string& name = inputs[file++];
+        if (!systems.in.empty()) source = with_crs(std::move(source), systems.in);
+        if (systems.out.empty()) return source;
+        return reproject_points(select_points(std::move(source), of_file, threads), systems.out, name, threads);
+    };
+    return select_points(open_points(inputs, in_system), of_all, threads);
 }
 
 uint64_t peak_memory_bytes() {
@@ -97,10 +133,11 @@ int run(const Options& options) {
     if (options.given("--max-error") && kind.format != "drc") throw Error(ErrorKind::usage, "--max-error is for drc, the output is " + std::string(kind.format));
     const ConvertRequest request = request_of(options, kind);
     const WantedPoints wanted = wanted_points(options);
+    const WantedSystems systems = wanted_systems(options);
     const std::vector<std::string> inputs = point_files(std::span(options.positional).first(options.positional.size() - 1));
     check_inputs_spared(request.output, inputs);
     const std::unique_ptr<ConvertOutput> output = kind.make(request, options);
-    const std::unique_ptr<PointSource> source = select_points(open_points(inputs), wanted, request.threads);
+    const std::unique_ptr<PointSource> source = open_wanted(inputs, wanted, systems, request.threads);
     for (const std::string& note : source->info().notes)
         if (!request.quiet) std::fprintf(stderr, "note: %s\n", note.c_str());
 

@@ -13,6 +13,7 @@
 
 #include "core/error.h"
 #include "io/copc/copc_hierarchy_writer.h"
+#include "io/crs/crs_text.h"
 #include "io/las/las_header_writer.h"
 #include "io/las/las_record.h"
 #include "io/las/laz_encoder.h"
@@ -61,6 +62,9 @@ public:
 
     void begin(const BuiltCloud& cloud) override {
         cloud_ = cloud;
+        cloud_.crs = wkt1_of_crs(cloud.crs);
+        if (cloud_.crs.empty() && !cloud.crs.empty())
+            notes_.push_back("the coordinate reference system has no WKT 1, which COPC asks for, and is left out: " + crs_name(cloud.crs));
         fields_.emplace(las::point_format_for(cloud.attributes, true), cloud.attributes);
         find_gps_range();
         const std::vector<std::byte> head = head_bytes({});
@@ -119,7 +123,11 @@ public:
     }
 
     uint64_t output_bytes() const override { return output_bytes_; }
-    std::vector<std::string> notes() const override { return fields_ ? fields_->notes() : std::vector<std::string>(); }
+    std::vector<std::string> notes() const override {
+        std::vector<std::string> all = notes_;
+        if (fields_) all.insert(all.end(), fields_->notes().begin(), fields_->notes().end());
+        return all;
+    }
 
 private:
     // What comes behind the points.
@@ -226,7 +234,8 @@ private:
 
     CopcWriteSettings settings_;
     OutputFile file_;
-    BuiltCloud cloud_;
+    BuiltCloud cloud_;  // its system as WKT 1
+    std::vector<std::string> notes_;
     std::optional<las::RecordFields> fields_;
     bool has_time_ = false;
     std::array<double, 2> gps_range_{};

@@ -2,6 +2,7 @@
 
 #include <proj.h>
 
+#include <array>
 #include <vector>
 
 #include "io/crs/proj_objects.h"
@@ -69,10 +70,17 @@ std::optional<CrsDescription> describe_crs(const std::string& crs) {
     if (proj_get_type(plane) == PJ_TYPE_ENGINEERING_CRS && crs.find("UNIT") == std::string::npos) axes.clear();
     if (!axes.empty()) description.unit = axes[0].unit;
     if (!axes.empty() && !is_geographic(plane)) description.unit_meters = axes[0].factor;
-    if (axes.size() == 3) description.vertical_unit = axes[2].unit;
+    if (axes.size() == 3) {
+        description.vertical_unit = axes[2].unit;
+        description.vertical_meters = axes[2].factor;
+    }
+    description.earth_centered = proj_get_type(plane) == PJ_TYPE_GEOCENTRIC_CRS;
     if (vertical) {
         const std::vector<Axis> up = axes_of(context, vertical.get());
-        if (!up.empty()) description.vertical_unit = up[0].unit;
+        if (!up.empty()) {
+            description.vertical_unit = up[0].unit;
+            description.vertical_meters = up[0].factor;
+        }
         const std::string first = id_of(plane), second = id_of(vertical.get());
         const size_t colon = second.find(':');
         // Only codes of one authority can be joined.
@@ -91,9 +99,17 @@ std::string crs_name(const std::string& crs) {
 
 std::string wkt1_of_crs(const std::string& crs) {
     if (crs.empty()) return {};
+    constexpr std::array kKinds = {"PROJCS", "GEOGCS", "GEOCCS", "COMPD_CS", "LOCAL_CS"};
+    for (const std::string kind : kKinds)
+        if (crs.starts_with(kind + "[") || crs.starts_with(kind + "(")) return crs;
     const ProjContext context;
     const ProjObject object = crs_object(context, crs);
     return object ? wkt1_of(context, object.get()) : std::string();
+}
+
+void check_crs(const std::string& crs) {
+    const ProjContext context;
+    (void)require_crs(context, crs);
 }
 
 bool same_crs(const std::string& a, const std::string& b) {

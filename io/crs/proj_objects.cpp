@@ -57,6 +57,15 @@ ProjObject crs_object(const ProjContext& context, const std::string& text) {
     return object;
 }
 
+ProjObject require_crs(const ProjContext& context, const std::string& text) {
+    ProjObject crs = crs_object(context, text);
+    if (crs) return crs;
+    if (!context.has_database()) throw Error(ErrorKind::io, "PROJ's database, proj.db, is not found; PROJ_DATA says in which folder it is");
+    constexpr size_t kLongest = 60;
+    throw Error(ErrorKind::usage, "'" + (text.size() <= kLongest ? text : text.substr(0, kLongest) + "...") +
+                                      "' is no coordinate reference system that PROJ knows; EPSG:n, EPSG:n+m with heights, WKT or a PROJ string is expected");
+}
+
 std::string wkt1_of(const ProjContext& context, const PJconsts* crs) {
     // LAS files say ellipsoidal heights as a vertical part by the name of Ellipsoid.
     const char* const options[] = {"MULTILINE=NO", "ALLOW_ELLIPSOIDAL_HEIGHT_AS_VERTICAL_CRS=YES", nullptr};

@@ -36,6 +36,10 @@ using ProjObject = std::unique_ptr<PJconsts, ProjDeleter>;
 /// returns null where there is none; the context has the reason
 ProjObject crs_object(const ProjContext& context, const std::string& text);
 
+/// The same, for a text that must be one.
+/// throws  Error{usage}: PROJ cannot read it; Error{io}: there is no database to look it up in
+ProjObject require_crs(const ProjContext& context, const std::string& text);
+
 /// OGC WKT 1 on one line; empty where that version cannot say it.
 std::string wkt1_of(const ProjContext& context, const PJconsts* crs);
 

@@ -49,11 +49,18 @@ TEST(CrsText, Wkt2BecomesWkt1) {
 
 // Names are no systems: PROJ would take the first that resembles them.
 TEST(CrsText, WhatIsNoSystemBecomesNothing) {
-    for (const char* const text : {"", "EPSG:99999", "EPSG:25832+", "EPSG:25832+99999", "mine", "WGS 84", "NAD83 / UTM zone 15N", "GEOGCS[\"WGS 84\"]",
-                                   "PROJCS[", "+proj=", "{}", "EPSG:7030"}) {
+    for (const char* const text : {"", "EPSG:99999", "EPSG:25832+", "EPSG:25832+99999", "mine", "WGS 84", "NAD83 / UTM zone 15N", "GEOGCRS[\"WGS 84\"]",
+                                   "PROJCRS[", "+proj=", "{}", "EPSG:7030"}) {
         EXPECT_EQ(wkt1_of_crs(text), "") << text;
         EXPECT_FALSE(describe_crs(text)) << text;
     }
+}
+
+TEST(CrsText, Wkt1StaysAsItIs) {
+    for (const char* const wkt : {"GEOGCS[\"WGS 84\"]", "LOCAL_CS[\"here\"]", "PROJCS["}) {
+        EXPECT_EQ(wkt1_of_crs(wkt), wkt);
+    }
+    EXPECT_FALSE(describe_crs("GEOGCS[\"WGS 84\"]"));
 }
 
 TEST(CrsText, EqualSystemsMayBeSaidDifferently) {
