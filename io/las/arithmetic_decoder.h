@@ -73,17 +73,10 @@ public:
     }
 
     /// 1 to 32 bits, all equally likely.
-    uint32_t raw_bits(int count, uint32_t = 0) {
-        if (count > 19) {
-            const uint32_t lower = raw_bits(16);
-            return raw_bits(count - 16) << 16 | lower;
-        }
-        length_ >>= count;
-        const uint32_t bits = value_ / length_;
-        value_ -= bits * length_;
-        renormalize();
-        if (bits >> count) ok_ = false;
-        return bits & ((1u << count) - 1);
+    [[gnu::always_inline]] uint32_t raw_bits(int count, uint32_t = 0) {
+        if (count <= kMostBitsAtOnce) return raw_bits_at_once(count);
+        const uint32_t lower = raw_bits_at_once(16);
+        return raw_bits_at_once(count - 16) << 16 | lower;
     }
     uint64_t raw_bits_64(uint64_t = 0) {
         const uint64_t lower = raw_bits(32);
@@ -91,6 +84,15 @@ public:
     }
 
 private:
+    [[gnu::always_inline]] uint32_t raw_bits_at_once(int count) {
+        length_ >>= count;
+        const uint32_t bits = value_ / length_;
+        value_ -= bits * length_;
+        renormalize();
+        if (bits >> count) ok_ = false;
+        return bits & ((1u << count) - 1);
+    }
+
     // How many bytes move in is as good as random: without a branch, none is mispredicted.
     [[gnu::always_inline]] void renormalize() {
         const int bits = std::countl_zero(length_) & ~7;

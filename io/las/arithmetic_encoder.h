@@ -27,14 +27,13 @@ public:
 
     template <int N>
     [[gnu::always_inline]] uint32_t symbol(Symbols<N>& model, uint32_t s) {
-        const uint32_t below = model.below_[s], share = model.below_[s + 1] - below;
-        // The last symbol has what the division left, too.
-        const uint32_t left = length_ & (kMostSymbolCounts - 1) & -uint32_t(s + 1 == model.symbols_);
+        auto& share = model.shares_[s];
+        const uint32_t left = length_ & share.left_mask;
         length_ >>= kSymbolProbabilityBits;
-        add(below * length_);
-        length_ = share * length_ + left;
-        renormalize<2>();
-        ++model.counts_[s];
+        add(share.below * length_);
+        length_ = share.size * length_ + left;
+        renormalize();
+        ++share.count;
         if (--model.until_update_ == 0) model.update();
         return s;
     }
@@ -44,21 +43,19 @@ public:
         add(one ? split : 0);
         length_ = one ? length_ - split : split;
         model.zeros_ += 1 - one;
-        renormalize<2>();
+        renormalize();
         if (--model.until_update_ == 0) model.update();
         return one;
     }
 
     /// 1 to 32 bits, all equally likely.
-    uint32_t raw_bits(int count, uint32_t bits) {
-        if (count > 19) {
-            raw_bits(16, bits & 0xFFFF);
-            raw_bits(count - 16, bits >> 16);
-            return bits;
+    [[gnu::always_inline]] uint32_t raw_bits(int count, uint32_t bits) {
+        if (count <= kMostBitsAtOnce) {
+            raw_bits_at_once(count, bits);
+        } else {
+            raw_bits_at_once(16, bits & 0xFFFF);
+            raw_bits_at_once(count - 16, bits >> 16);
         }
-        length_ >>= count;
-        add(bits * length_);
-        renormalize<3>();
         return bits;
     }
     uint64_t raw_bits_64(uint64_t bits) {
@@ -78,6 +75,12 @@ public:
     }
 
 private:
+    [[gnu::always_inline]] void raw_bits_at_once(int count, uint32_t bits) {
+        length_ >>= count;
+        add(bits * length_);
+        renormalize();
+    }
+
     // The upper half of low_ are the last four bytes, which may still change; a carry beyond them is a rare thing.
     [[gnu::always_inline]] void add(uint32_t amount) {
         low_ += amount;
@@ -95,14 +98,12 @@ private:
     }
 
     // How many bytes are done with is as good as random: without a branch, none is mispredicted.
-    template <int Most>
     [[gnu::always_inline]] void renormalize() {
         write();
-        uint32_t bytes = uint32_t(length_ < kLeastInterval) + uint32_t(length_ < kLeastInterval >> 8);
-        if constexpr (Most > 2) bytes += uint32_t(length_ < kLeastInterval >> 16);
-        low_ <<= 8 * bytes;
-        length_ <<= 8 * bytes;
-        next_ += bytes;
+        const int bits = __builtin_clz(length_) & ~7;  // no interval is empty
+        low_ <<= bits;
+        length_ <<= bits;
+        next_ += bits >> 3;
     }
 
     std::byte* next_ = nullptr;

@@ -33,7 +33,7 @@ public:
 
     /// prediction + correction modulo 2^Bits, as an integer of 32 bits that is negative only for Bits = 32. An encoder is told
     /// it, and returns it.
-    int32_t code(Coder& coder, int32_t prediction, size_t context, int32_t value = 0) {
+    [[gnu::always_inline]] int32_t code(Coder& coder, int32_t prediction, size_t context, int32_t value = 0) {
         if constexpr (Coder::kEncodes) {
             const uint32_t correction = uint32_t(value) - uint32_t(prediction);
             // The upper bits are those of the sign.
@@ -50,11 +50,11 @@ private:
     using PlaceModel = typename Coder::template Symbols<1 << kModeledBits>;
     using WidthModel = typename Coder::template Symbols<Bits + 1>;
 
-    int32_t code_correction(Coder& coder, size_t context, int32_t c) {
+    [[gnu::always_inline]] int32_t code_correction(Coder& coder, size_t context, int32_t c) {
         const uint32_t k = width_ = coder.symbol(widths_[context], width_of(c));
         if (k == 0) return int32_t(coder.bit(unit_, uint32_t(c)));
         if (k == 32) return INT32_MIN;
-        uint32_t place = uint32_t(c < 0 ? c + int32_t((1u << k) - 1) : c - 1);
+        uint32_t place = uint32_t(c) - 1 + ((1u << k) & uint32_t(c >> 31));  // the sign is as good as random: no branch
         if (k > kModeledBits) {
             const int raw = int(k) - kModeledBits;
             const uint32_t upper = coder.symbol(places_of(k), place >> raw);

@@ -51,12 +51,20 @@ public:
     }
 
 private:
-    // Which bits are not the same in all records.
+    static constexpr size_t kWord = 8;
+
+    // Which bits are not the same in all records, by words of which the last may overlap.
     void compare(const std::byte* first, size_t count) {
         std::fill(differ_.begin(), differ_.end(), std::byte{0});
-        for (size_t i = 1; i < count; ++i) {
-            const std::byte* const record = first + i * record_size_;
-            for (size_t b = 0; b < record_size_; ++b) differ_[b] |= record[b] ^ first[b];
+        for (size_t begin = 1; begin < count; begin += kTilePoints) {
+            const size_t end = std::min(count, begin + kTilePoints);
+            for (size_t at = 0; at < record_size_; at += kWord) {
+                const size_t place = std::min(at, record_size_ - kWord);
+                const uint64_t word = load_field<uint64_t>(first + place);
+                uint64_t differ = load_field<uint64_t>(differ_.data() + place);
+                for (size_t i = begin; i < end; ++i) differ |= load_field<uint64_t>(first + i * record_size_ + place) ^ word;
+                store_field(differ_.data() + place, differ);
+            }
         }
     }
     bool differs(size_t offset, size_t size, std::byte bits = std::byte{0xFF}) const {

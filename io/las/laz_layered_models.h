@@ -132,7 +132,7 @@ struct ZContext {
         by_depth.fill(last);
         models.restart();
     }
-    int32_t code(Coder& coder, const TileNotes& notes, size_t i, int32_t told) {
+    [[gnu::always_inline]] int32_t code(Coder& coder, const TileNotes& notes, size_t i, int32_t told) {
         int32_t& last = by_depth[notes.depth[i]];
         return last = value = models.code(coder, last, notes.z_context[i], told);
     }
@@ -140,7 +140,7 @@ struct ZContext {
 
 template <typename Coder>
 struct ClassificationContext : FieldContext<uint8_t, ModelBank<Coder, 256>> {
-    uint8_t code(Coder& coder, const TileNotes& notes, size_t i, uint8_t told) {
+    [[gnu::always_inline]] uint8_t code(Coder& coder, const TileNotes& notes, size_t i, uint8_t told) {
         return this->value = uint8_t(coder.symbol(this->models[uint8_t((this->value & 31) << 1 | (notes.place[i] == 3))], told));
     }
 };
@@ -148,7 +148,7 @@ struct ClassificationContext : FieldContext<uint8_t, ModelBank<Coder, 256>> {
 // The flags are bits 0-3 classification flags, 4 scan direction, 5 edge of flight line.
 template <typename Coder>
 struct FlagsContext : FieldContext<uint8_t, ModelBank<Coder, 64>> {
-    uint8_t code(Coder& coder, const TileNotes&, size_t, uint8_t told) {
+    [[gnu::always_inline]] uint8_t code(Coder& coder, const TileNotes&, size_t, uint8_t told) {
         return this->value = uint8_t(coder.symbol(this->models[this->value], told));
     }
 };
@@ -164,7 +164,7 @@ struct IntensityContext {
         by_place.fill(last);
         models.restart();
     }
-    uint16_t code(Coder& coder, const TileNotes& notes, size_t i, uint16_t told) {
+    [[gnu::always_inline]] uint16_t code(Coder& coder, const TileNotes& notes, size_t i, uint16_t told) {
         uint16_t& last = by_place[size_t(notes.place[i] << 1 | notes.time_changed[i])];
         return last = value = uint16_t(models.code(coder, last, notes.place[i], told));
     }
@@ -172,7 +172,7 @@ struct IntensityContext {
 
 template <typename Coder>
 struct ScanAngleContext : FieldContext<uint16_t, IntegerModels<Coder, 16, 2>> {
-    uint16_t code(Coder& coder, const TileNotes& notes, size_t i, uint16_t told) {
+    [[gnu::always_inline]] uint16_t code(Coder& coder, const TileNotes& notes, size_t i, uint16_t told) {
         if (notes.angle_changed[i]) this->value = uint16_t(this->models.code(coder, this->value, notes.time_changed[i], told));
         return this->value;
     }
@@ -180,14 +180,14 @@ struct ScanAngleContext : FieldContext<uint16_t, IntegerModels<Coder, 16, 2>> {
 
 template <typename Coder>
 struct UserDataContext : FieldContext<uint8_t, ModelBank<Coder, 256>> {
-    uint8_t code(Coder& coder, const TileNotes&, size_t, uint8_t told) {
+    [[gnu::always_inline]] uint8_t code(Coder& coder, const TileNotes&, size_t, uint8_t told) {
         return this->value = uint8_t(coder.symbol(this->models[this->value / 4], told));
     }
 };
 
 template <typename Coder>
 struct PointSourceContext : FieldContext<uint16_t, IntegerModels<Coder, 16, 1>> {
-    uint16_t code(Coder& coder, const TileNotes& notes, size_t i, uint16_t told) {
+    [[gnu::always_inline]] uint16_t code(Coder& coder, const TileNotes& notes, size_t i, uint16_t told) {
         if (notes.source_changed[i]) this->value = uint16_t(this->models.code(coder, this->value, 0, told));
         return this->value;
     }
@@ -204,7 +204,7 @@ struct GpsTimeContext {
         ok = true;
         models.restart(last);
     }
-    uint64_t code(Coder& coder, const TileNotes& notes, size_t i, uint64_t told) {
+    [[gnu::always_inline]] uint64_t code(Coder& coder, const TileNotes& notes, size_t i, uint64_t told) {
         if (notes.time_changed[i]) {
             value = models.code(coder, ok, told);
             if (!ok) [[unlikely]]
@@ -218,7 +218,7 @@ struct GpsTimeContext {
 
 template <typename Coder>
 struct RgbContext : FieldContext<Rgb, RgbModels<Coder>> {
-    Rgb code(Coder& coder, const Rgb& last, const Rgb& told) { return this->models.code(coder, last, told); }
+    [[gnu::always_inline]] Rgb code(Coder& coder, const Rgb& last, const Rgb& told) { return this->models.code(coder, last, told); }
 };
 
 template <typename Coder>
@@ -232,7 +232,7 @@ struct NirContext {
         changes.restart();
         for (auto& model : differences) model.restart();
     }
-    uint16_t code(Coder& coder, uint16_t last, uint16_t told) {
+    [[gnu::always_inline]] uint16_t code(Coder& coder, uint16_t last, uint16_t told) {
         const uint32_t differ = uint32_t(last ^ told);
         const uint32_t changed = coder.symbol(changes, uint32_t((differ & 0xFF) != 0) | uint32_t(differ > 0xFF) << 1);
         uint8_t lower = uint8_t(last), upper = uint8_t(last >> 8);
@@ -244,12 +244,12 @@ struct NirContext {
 
 template <typename Coder>
 struct WavePacketContext : FieldContext<WavePacket, WavePacketModels<Coder>> {
-    WavePacket code(Coder& coder, const WavePacket& last, const WavePacket& told) { return this->models.code(coder, last, told); }
+    [[gnu::always_inline]] WavePacket code(Coder& coder, const WavePacket& last, const WavePacket& told) { return this->models.code(coder, last, told); }
 };
 
 template <typename Coder>
 struct ExtraByteContext : FieldContext<uint8_t, typename Coder::template Symbols<256>> {
-    uint8_t code(Coder& coder, uint8_t last, uint8_t told) { return uint8_t(last + coder.symbol(this->models, uint8_t(told - last))); }
+    [[gnu::always_inline]] uint8_t code(Coder& coder, uint8_t last, uint8_t told) { return uint8_t(last + coder.symbol(this->models, uint8_t(told - last))); }
 };
 
 }  // namespace strata::las

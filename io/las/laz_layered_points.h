@@ -33,7 +33,7 @@ inline size_t layer_count(const PointLayout& layout, size_t record_size) {
 /// same; but to it -0 and 0 are, and one would come back for the other.
 inline bool time_changes(uint64_t last, uint64_t next) {
     constexpr uint64_t kInfinity = 0x7FF0000000000000;
-    return last != next || (next & ~(uint64_t{1} << 63)) > kInfinity;
+    return (last != next) | ((next & ~(uint64_t{1} << 63)) > kInfinity);
 }
 
 /// The flags that are coded together, of the record's byte.
@@ -131,8 +131,8 @@ private:
 
     // Bits 0 and 1: the return number's step is 0, 1, -1, another; 2 to 5: what else changed since the last point of the channel.
     static uint32_t changes_of(const Position& last, const Position& next) {
-        const unsigned r_step = (next.r - last.r) & 15;
-        return (r_step == 0 ? 0u : r_step == 1 ? 1u : r_step == 15 ? 2u : 3u) | uint32_t(next.n != last.n) << 2 |
+        constexpr std::array<uint8_t, 16> kReturnStep = {0, 1, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 2};
+        return kReturnStep[(next.r - last.r) & 15] | uint32_t(next.n != last.n) << 2 |
                uint32_t(next.scan_angle != last.scan_angle) << 3 | uint32_t(time_changes(last.gps_time, next.gps_time)) << 4 |
                uint32_t(next.point_source != last.point_source) << 5;
     }

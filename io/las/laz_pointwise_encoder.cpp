@@ -62,7 +62,11 @@ private:
             point_.code(encoder, load<Point10>(record));
             if (layout_.gps_time) gps_time_.code(encoder, ok, load<uint64_t>(record + layout_.gps_time));
             if (layout_.rgb) color_.code(encoder, load<Rgb>(last + layout_.rgb), load<Rgb>(record + layout_.rgb));
-            if (layout_.wave) packets_.code(encoder, WavePacket::load(last + layout_.wave), WavePacket::load(record + layout_.wave));
+            if (layout_.wave) {
+                ArithmeticEncoder apart = encoder;  // so that no call has the encoder's address: it stays in registers
+                packets_.code(apart, WavePacket::load(last + layout_.wave), WavePacket::load(record + layout_.wave));
+                encoder = apart;
+            }
             for (size_t b = 0; b < extra_bytes_; ++b) {
                 const size_t at = layout_.size + b;
                 extra_models_.code(encoder, load<uint8_t>(last + at), b, load<uint8_t>(record + at));

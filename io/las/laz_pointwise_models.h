@@ -106,7 +106,7 @@ public:
         models_.resize(count);
         for (auto& model : models_) model.restart();
     }
-    uint8_t code(Coder& coder, uint8_t last, size_t index, uint8_t told = 0) {
+    [[gnu::always_inline]] uint8_t code(Coder& coder, uint8_t last, size_t index, uint8_t told = 0) {
         return uint8_t(last + coder.symbol(models_[index], uint8_t(told - last)));
     }
 

@@ -11,7 +11,8 @@
 
 // What the pointwise items of version 2 and the layered items have in common. Each is written once for both directions: an
 // encoder is told the values, finds the symbols that choose among the ways to code them, and then goes the decoder's way; what
-// it is told is the last argument, which a decoder does without.
+// it is told is the last argument, which a decoder does without. What runs at each point is always inlined: a coder whose address
+// a call has does not stay in registers.
 
 namespace strata::las {
 
@@ -24,7 +25,7 @@ public:
     void add(int32_t step) {
         const int32_t* const kept = steps_.data() + (drop_smallest_ ? 1 : 0);
         const std::array<int32_t, 4> old = {kept[0], kept[1], kept[2], kept[3]};
-        drop_smallest_ = drop_smallest_ ? step > steps_[2] : step >= steps_[2];
+        drop_smallest_ = (step > steps_[2]) | (!drop_smallest_ & (step == steps_[2]));  // as good as random: no branch
         steps_[0] = std::min(step, old[0]);
         for (size_t i = 1; i < 4; ++i) steps_[i] = std::max(old[i - 1], std::min(step, old[i]));
         steps_[4] = std::max(old[3], step);
@@ -80,7 +81,7 @@ public:
     uint64_t time() const { return sequences_[current_].time; }
 
     /// Returns the next time, or that of before with *ok = false where no encoder would go on switching sequences.
-    uint64_t code(Coder& coder, bool& ok, uint64_t next = 0) {
+    [[gnu::always_inline]] uint64_t code(Coder& coder, bool& ok, uint64_t next = 0) {
         // An encoder switches at most once a point.
         for (int tries = 0; tries < kMostSwitches; ++tries) {
             Sequence& sequence = sequences_[current_];
@@ -111,7 +112,7 @@ private:
     }
 
     // Both return how many sequences to move on and try there; 0: done.
-    int code_after_zero(Coder& coder, Sequence& sequence, uint64_t next) {
+    [[gnu::always_inline]] int code_after_zero(Coder& coder, Sequence& sequence, uint64_t next) {
         int code = int(coder.symbol(after_zero_, Coder::kEncodes ? code_after_zero_of(sequence, next) : 0));
         if (HasRepeat && code-- == 0) return 0;
         if (code > 1) return code - 1;
@@ -125,7 +126,7 @@ private:
         return 0;
     }
 
-    int code_multiple(Coder& coder, Sequence& sequence, uint64_t next) {
+    [[gnu::always_inline]] int code_multiple(Coder& coder, Sequence& sequence, uint64_t next) {
         const int code = int(coder.symbol(multiples_, Coder::kEncodes ? multiple_code_of(sequence, next) : 0));
         if (code > kFull) return code - kFull;
         if (code == kFull) {
@@ -133,30 +134,29 @@ private:
             return 0;
         }
         if (HasRepeat && code == kRepeat) return 0;
-        const int32_t told = step_to(sequence, next);
-        if (code == 1) {
-            step(sequence, integers_.code(coder, sequence.difference, 1, told));
-            sequence.extremes = 0;
-            return 0;
-        }
         const int multiple = code <= kLargest ? code : std::max(kLargest - code, -kMostNegative);
-        const size_t context = code == 0                ? 7
-                               : code < 10              ? 2
-                               : code < kLargest        ? 3
-                               : code == kLargest       ? 4
+        const size_t context = code == 1                  ? 1
+                               : code == 0                ? 7
+                               : code < 10                ? 2
+                               : code < kLargest          ? 3
+                               : code == kLargest         ? 4
                                : multiple > -kMostNegative ? 5
-                                                        : 6;
-        const int32_t difference = integers_.code(coder, int32_t(uint32_t(multiple) * uint32_t(sequence.difference)), context, told);
-        if (context == 7 || context == 4 || context == 6)
+                                                          : 6;
+        const int32_t difference =
+            integers_.code(coder, int32_t(uint32_t(multiple) * uint32_t(sequence.difference)), context, step_to(sequence, next));
+        step(sequence, difference);
+        if (code == 1) {
+            sequence.extremes = 0;
+        } else if (context == 7 || context == 4 || context == 6) {
             if (++sequence.extremes > 3) {
                 sequence.difference = difference;
                 sequence.extremes = 0;
             }
-        step(sequence, difference);
+        }
         return 0;
     }
 
-    void begin_sequence(Coder& coder, const Sequence& before, uint64_t next) {
+    [[gnu::always_inline]] void begin_sequence(Coder& coder, const Sequence& before, uint64_t next) {
         const uint32_t upper = uint32_t(integers_.code(coder, int32_t(before.time >> 32), 8, int32_t(next >> 32)));
         const uint32_t lower = coder.raw_bits(32, uint32_t(next));
         newest_ = (newest_ + 1) & 3;
@@ -209,7 +209,7 @@ public:
 
     [[gnu::always_inline]] Rgb code(Coder& coder, const Rgb& last, const Rgb& told = {}) {
         const uint32_t changed = coder.symbol(changes_, Coder::kEncodes ? changes_of(last, told) : 0);
-        const auto byte = [&](int place, int predicted, int unchanged, int value) {
+        const auto byte = [&](int place, int predicted, int unchanged, int value) __attribute__((always_inline)) {
             if (!(changed >> place & 1)) return uint8_t(unchanged);
             return uint8_t(predicted + int(coder.symbol(differences_[size_t(place)], uint8_t(value - predicted))));
         };
