@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/cloud/attribute.h"
+#include "core/cloud/point_source.h"
 #include "core/math/quantization.h"
 #include "core/math/vec.h"
 #include "core/octree/node_key.h"
@@ -23,6 +24,7 @@ struct BuiltCloud {
     double cube_side = 0.0;  // world units; the root cube's lowest corner is at min_quanta
     double spacing = 0.0;    // of the root, world units
     std::string crs;
+    std::vector<CrsRecord> crs_records;
     std::vector<Attribute> attributes;  // the record after the position, in this order
     std::vector<std::vector<double>> attribute_min, attribute_max;  // [attribute][component], stored values
 };

@@ -233,6 +233,7 @@ BuiltCloud describe(const CloudInfo& info, const std::vector<Attribute>& attribu
     cloud.cube_side = frame.side;
     cloud.spacing = frame.spacing(0);
     cloud.crs = info.crs;
+    cloud.crs_records = info.crs_records;
     for (size_t a = 0; a < attributes.size(); ++a) {
         if (!kept[a]) continue;
         cloud.attributes.push_back(attributes[a]);

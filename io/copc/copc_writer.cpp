@@ -62,9 +62,10 @@ public:
 
     void begin(const BuiltCloud& cloud) override {
         cloud_ = cloud;
-        cloud_.crs = wkt1_of_crs(cloud.crs);
-        if (cloud_.crs.empty() && !cloud.crs.empty())
-            notes_.push_back("the coordinate reference system has no WKT 1, which COPC asks for, and is left out: " + crs_name(cloud.crs));
+        wkt_ = wkt1_of_crs(cloud.crs);
+        if (wkt_.empty() && !cloud.crs.empty())
+            notes_.push_back("the coordinate reference system has no WKT 1, which COPC asks for" +
+                             std::string(cloud.crs_records.empty() ? ", and is left out: " : "; its GeoTIFF keys are kept: ") + crs_name(cloud.crs));
         fields_.emplace(las::point_format_for(cloud.attributes, true), cloud.attributes);
         find_gps_range();
         const std::vector<std::byte> head = head_bytes({});
@@ -110,8 +111,8 @@ public:
         las::append_extended_record_header(record, "copc", 1000, "EPT Hierarchy", ending.pages.bytes.size());
         record.insert(record.end(), ending.pages.bytes.begin(), ending.pages.bytes.end());
         if (wkt_is_extended()) {
-            las::append_extended_record_header(record, "LASF_Projection", kWktRecord, "WKT of the coordinate system", wkt().size());
-            record.insert(record.end(), wkt().begin(), wkt().end());
+            las::append_extended_record_header(record, "LASF_Projection", kWktRecord, "WKT of the coordinate system", wkt_payload().size());
+            record.insert(record.end(), wkt_payload().begin(), wkt_payload().end());
         }
         file_.write(record);
         std::vector<std::byte> head = head_bytes(ending);
@@ -144,8 +145,8 @@ private:
         if (std::isfinite(least) && std::isfinite(most)) gps_range_ = {least, most};
     }
 
-    std::span<const std::byte> wkt() const { return std::as_bytes(std::span(cloud_.crs.c_str(), cloud_.crs.size() + 1)); }  // ends with a zero
-    bool wkt_is_extended() const { return wkt().size() > kLargestVlr; }
+    std::span<const std::byte> wkt_payload() const { return std::as_bytes(std::span(wkt_.c_str(), wkt_.size() + 1)); }  // ends with a zero
+    bool wkt_is_extended() const { return wkt_payload().size() > kLargestVlr; }
 
     std::vector<std::byte> info_payload(const Ending& ending) const {
         const Vec3d corner = cloud_.source_quantization.world_from_quanta(cloud_.min_quanta);
@@ -171,7 +172,9 @@ private:
         append("laszip encoded", 22204, "LAZ chunks of any size", las::laszip_record(fields_->point_format(), fields_->record_size(), las::kVariableChunks));
         if (const std::vector<std::byte> extra = fields_->extra_bytes_record(cloud_.attribute_min, cloud_.attribute_max); !extra.empty())
             append("LASF_Spec", 4, "extra bytes", extra);
-        if (!cloud_.crs.empty() && !wkt_is_extended()) append("LASF_Projection", kWktRecord, "WKT of the coordinate system", wkt());
+        if (!wkt_.empty() && !wkt_is_extended()) append("LASF_Projection", kWktRecord, "WKT of the coordinate system", wkt_payload());
+        if (wkt_.empty())
+            for (const CrsRecord& keys : cloud_.crs_records) append("LASF_Projection", keys.id, "GeoTIFF keys", keys.bytes);
         las::HeaderValues values = {
             .global_encoding = uint16_t(las::kWktBit | (is_adjusted_time(gps_range_[0], gps_range_[1]) ? las::kAdjustedTimeBit : 0)),
             .point_offset = uint32_t(las::header_bytes(4) + records.size()),
@@ -234,11 +237,12 @@ private:
 
     CopcWriteSettings settings_;
     OutputFile file_;
-    BuiltCloud cloud_;  // its system as WKT 1
+    BuiltCloud cloud_;
     std::vector<std::string> notes_;
     std::optional<las::RecordFields> fields_;
     bool has_time_ = false;
     std::array<double, 2> gps_range_{};
+    std::string wkt_;  // empty: nothing is known of the coordinate system, or it has no WKT
     mutable std::mutex encoders_mutex_;
     mutable std::vector<std::unique_ptr<Encoder>> encoders_;  // those that no thread uses now
     mutable std::array<std::atomic<uint64_t>, 16> points_by_return_{};

@@ -201,6 +201,22 @@ TEST_F(Convert, CopcHasTheHeaderThatReadersLookFor) {
     EXPECT_EQ(open_layered(set)->info().crs, "LOCAL_CS[\"here\"]");
 }
 
+// Only a name, which no one can look up: the keys are handed on.
+TEST_F(Convert, CopcKeepsKeysThatHaveNoWkt) {
+    std::vector<std::byte> keys;
+    for (const uint16_t number : {1, 1, 0, 2, 3072, 0, 1, 32767, 3073, 34737, 8, 0}) test::put(keys, number);
+    test::LasFile file;
+    file.vlrs.push_back({"LASF_Projection", 34735, keys});
+    file.vlrs.push_back({"LASF_Projection", 34737, test::bytes_of("my grid|")});
+    const std::string scan = write_scan("scan.las", 1, 0, 10, file), set = folder_.file("set.copc.laz");
+    const json report = converted({scan, set});
+    EXPECT_NE(report["notes"].dump().find("; its GeoTIFF keys are kept: my grid"), std::string::npos) << report["notes"];
+    const std::unique_ptr<PointSource> before = open_points({&scan, 1}), after = open_points({&set, 1});
+    EXPECT_EQ(before->info().crs_records.size(), 2u);
+    EXPECT_EQ(after->info().crs_records, before->info().crs_records);
+    EXPECT_EQ(after->info().crs, "my grid");
+}
+
 // Neither threads nor memory show in the file.
 TEST_F(Convert, CopcIsTheSameBytesHoweverItIsMade) {
     const std::string scan = write_scan("scan.las", 8, 0, 200'000);
