@@ -14,7 +14,8 @@
 
 // Points of formats 6 to 10: a stream of symbols for each field, so that fields nobody asked for need not be read.
 // The first layer, returns and x and y, says which channel each point belongs to and whether time, scan angle and source
-// change; what the other layers need of that is noted a tile at a time, and each layer codes the tile in a loop of its own.
+// change; what the other layers need of that is noted a tile at a time, and one or two of them at once code the tile in a loop of
+// their own.
 
 namespace strata::las {
 
@@ -38,6 +39,7 @@ inline bool time_changes(uint64_t last, uint64_t next) {
 
 /// The flags that are coded together, of the record's byte.
 inline uint8_t flags_of(uint8_t record_byte) { return uint8_t((record_byte & 0x0F) | (record_byte >> 6) << 4); }
+inline uint8_t record_byte_of(uint8_t flags, uint8_t channel) { return uint8_t((flags & 0x0F) | channel << 4 | (flags >> 4) << 6); }
 
 template <typename T>
 T load_field(const std::byte* at) {
@@ -105,19 +107,19 @@ public:
     void code_tile(size_t size, Byte* records) {
         notes_.size = size;
         code_positions(records);
-        code_field(kZs, zs_, records + kZ);
-        code_field(kClassifications, classifications_, records + kClassification);
-        code_flags(records + kFlags);
-        code_field(kIntensities, intensities_, records + kIntensity);
-        code_field(kScanAngles, scan_angles_, records + kScanAngle);
-        code_field(kUserDatas, user_data_, records + kUserData);
-        code_field(kPointSources, point_sources_, records + kPointSource);
-        code_field(kGpsTimes, gps_times_, records + kGpsTime);
+        code_both(field(kZs, zs_, records + kZ), field(kIntensities, intensities_, records + kIntensity));
+        code_both(field(kClassifications, classifications_, records + kClassification), field(kFlagsLayer, flags_, records + kFlags));
+        code_both(field(kScanAngles, scan_angles_, records + kScanAngle), field(kUserDatas, user_data_, records + kUserData));
+        code_one(field(kPointSources, point_sources_, records + kPointSource));
+        const auto gps_times = field(kGpsTimes, gps_times_, records + kGpsTime);
         size_t layer = kItems;
-        if (layout_.rgb) code_item(layer++, rgbs_, records + layout_.rgb);
-        if (layout_.nir) code_item(layer++, nirs_, records + layout_.nir);
-        if (layout_.wave) code_item(layer++, wave_packets_, records + layout_.wave);
-        for (size_t i = 0; i < extra_bytes_.size(); ++i) code_item(layer++, extra_bytes_[i], records + layout_.size + i);
+        if (layout_.rgb)
+            code_both(gps_times, item(layer++, rgbs_, records + layout_.rgb));
+        else
+            code_one(gps_times);
+        if (layout_.nir) code_one(item(layer++, nirs_, records + layout_.nir));
+        if (layout_.wave) code_one(item(layer++, wave_packets_, records + layout_.wave));
+        for (size_t i = 0; i < extra_bytes_.size(); ++i) code_one(item(layer++, extra_bytes_[i], records + layout_.size + i));
     }
 
 private:
@@ -205,72 +207,108 @@ private:
         layer.leave(coder);
     }
 
-    // load gives an encoder the value of a point, store takes it of a decoder.
-    template <typename Context, typename Load, typename Store>
-    void code_values(size_t index, ChannelModels<Context>& models, Load load, Store store) {
-        Layer& layer = layers[index];
-        if (!layer.active) return;
-        Coder coder = layer.enter(notes_.size);
-        Context* context = &models.current();
-        for (size_t i = 0; i < notes_.size; ++i) {
+    /// A layer on its way through a tile.
+    template <typename Context>
+    struct FieldPass {
+        using Value = decltype(Context::value);
+        static constexpr bool kIsFlags = std::is_same_v<Context, FlagsContext<Coder>>;
+
+        LayeredPoints& points;
+        Layer& layer;
+        ChannelModels<Context>& models;
+        Byte* at;
+        Coder coder;
+        Context* context;
+
+        [[gnu::always_inline]] void step(size_t i) {
+            const TileNotes& notes = points.notes_;
             layer.check(coder);
-            if (!models.is_current(notes_.channel[i])) [[unlikely]]
-                context = &models.move_to(notes_.channel[i]);
-            if constexpr (kEncodes)
-                context->code(coder, notes_, i, load(i));
+            if (!models.is_current(notes.channel[i])) [[unlikely]]
+                context = &models.move_to(notes.channel[i]);
+            if constexpr (kEncodes && kIsFlags)
+                context->code(coder, notes, i, flags_of(load_field<uint8_t>(at)));
+            else if constexpr (kEncodes)
+                context->code(coder, notes, i, load_field<Value>(at));
+            else if constexpr (kIsFlags)
+                store_field(at, record_byte_of(context->code(coder, notes, i, {}), notes.channel[i]));
             else
-                store(i, context->code(coder, notes_, i, {}));
+                store_field(at, context->code(coder, notes, i, {}));
+            at += points.record_size_;
         }
-        layer.leave(coder);
-    }
+    };
 
+    /// The same for an item behind the point. Up to version 3, models are chosen by the channel only at points where it changes,
+    /// and are those of channel 0 at all others; and a channel that is met again goes on from the last value of the channel
+    /// before, and leaves its own there.
     template <typename Context>
-    void code_field(size_t index, ChannelModels<Context>& models, Byte* field) {
+    struct ItemPass {
         using Value = decltype(Context::value);
-        code_values(
-            index, models, [&](size_t i) { return load_field<Value>(field + i * record_size_); },
-            [&](size_t i, Value value) {
-                if constexpr (!kEncodes) store_field(field + i * record_size_, value);
-            });
-    }
 
-    void code_flags(Byte* field) {
-        code_values(
-            kFlagsLayer, flags_, [&](size_t i) { return flags_of(load_field<uint8_t>(field + i * record_size_)); },
-            [&](size_t i, uint8_t value) {
-                if constexpr (!kEncodes)
-                    store_field(field + i * record_size_, uint8_t((value & 0x0F) | notes_.channel[i] << 4 | (value >> 4) << 6));
-            });
-    }
+        LayeredPoints& points;
+        Layer& layer;
+        ChannelModels<Context>& models;
+        Byte* at;
+        Coder coder;
+        Context* context;
 
-    // Up to version 3, models are chosen by the channel only at points where it changes, and are those of channel 0 at all
-    // others; and a channel that is met again goes on from the last value of the channel before, and leaves its own there.
-    template <typename Context>
-    void code_item(size_t index, ChannelModels<Context>& models, Byte* field) {
-        using Value = decltype(Context::value);
-        Layer& layer = layers[index];
-        if (!layer.active) return;
-        Coder coder = layer.enter(notes_.size);
-        Context* context = &models.current();
-        for (size_t i = 0; i < notes_.size; ++i) {
+        [[gnu::always_inline]] void step(size_t i) {
             layer.check(coder);
             Context* holder = context;
-            const size_t channel = notes_.item_channel[i];
+            const size_t channel = points.notes_.item_channel[i];
             if (!models.is_current(channel)) [[unlikely]] {
                 const bool met_again = models.is_used(channel);
                 context = &models.move_to(channel);
-                if (!met_again || keeps_channels_) holder = context;
+                if (!met_again || points.keeps_channels_) holder = context;
             }
             if constexpr (kEncodes) {
-                const Value told = load_field<Value>(field + i * record_size_);
+                const Value told = load_field<Value>(at);
                 context->code(coder, holder->value, told);
                 holder->value = told;
             } else {
                 holder->value = context->code(coder, holder->value, {});
-                store_field(field + i * record_size_, holder->value);
+                store_field(at, holder->value);
             }
+            at += points.record_size_;
         }
-        layer.leave(coder);
+    };
+
+    /// A layer that may be inactive, and where its first value is in the tile.
+    template <template <typename> typename Pass, typename Context>
+    struct Field {
+        LayeredPoints& points;
+        Layer& layer;
+        ChannelModels<Context>& models;
+        Byte* at;
+
+        Pass<Context> enter() const { return {points, layer, models, at, layer.enter(points.notes_.size), &models.current()}; }
+    };
+    template <typename Context>
+    Field<FieldPass, Context> field(size_t index, ChannelModels<Context>& models, Byte* at) {
+        return {*this, layers[index], models, at};
+    }
+    template <typename Context>
+    Field<ItemPass, Context> item(size_t index, ChannelModels<Context>& models, Byte* at) {
+        return {*this, layers[index], models, at};
+    }
+
+    template <typename A>
+    void code_one(const A& a) {
+        if (a.layer.active) run(a.enter());
+    }
+    // Each symbol of a layer waits for the one before it; those of another layer do not.
+    template <typename A, typename B>
+    void code_both(const A& a, const B& b) {
+        if (a.layer.active && b.layer.active) {
+            run(a.enter(), b.enter());
+        } else {
+            code_one(a);
+            code_one(b);
+        }
+    }
+    template <typename... Passes>
+    void run(Passes... passes) {
+        for (size_t i = 0; i < notes_.size; ++i) (passes.step(i), ...);
+        (passes.layer.leave(passes.coder), ...);
     }
 
     PointLayout layout_;
