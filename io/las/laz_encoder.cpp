@@ -46,7 +46,7 @@ std::vector<std::byte> laszip_record(int point_format, size_t record_size, uint3
     put<uint16_t>(out, 0);                                            // coder: arithmetic
     put<uint8_t>(out, 3);                                             // the version of the reference compressor that writes the same
     put<uint8_t>(out, 5);
-    put<uint16_t>(out, 1);
+    put<uint16_t>(out, 0);
     put<uint32_t>(out, 0);  // options
     put<uint32_t>(out, chunk_points);
     put<int64_t>(out, -1);  // special records: there are none
