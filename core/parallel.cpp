@@ -11,6 +11,7 @@
 
 #ifndef STRATA_STD_THREADS
 #include <tbb/blocked_range.h>
+#include <tbb/info.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 #endif
@@ -49,7 +50,8 @@ void parallel_blocks(int threads, size_t n, size_t block, const std::function<vo
         return;
     }
 #ifndef STRATA_STD_THREADS
-    tbb::task_arena arena(threads);
+    // It has no more threads to give than there are processors, and prints a warning when asked for them.
+    tbb::task_arena arena(std::min(threads, tbb::info::default_concurrency()));
     arena.execute([&] {
         tbb::parallel_for(
             tbb::blocked_range<size_t>(0, blocks, 1),
