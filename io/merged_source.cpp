@@ -123,6 +123,10 @@ public:
             if (info.points > 0) info_.bounds.extend(info.bounds);
             for (const std::string& note : info.notes) info_.notes.push_back(names_[s] + ": " + note);
             unite_crs(s);
+            if (!info_.adjusted_gps_time) info_.adjusted_gps_time = info.adjusted_gps_time;
+            if (info.adjusted_gps_time && info.adjusted_gps_time != info_.adjusted_gps_time)
+                info_.notes.push_back(names_[s] + ": GPS times are " + (*info.adjusted_gps_time ? "standard time" : "seconds of the week") +
+                                      ", in the files before it they are not; they are kept as they are");
         }
         info_.format = sources_.front()->info().format + ", " + std::to_string(sources_.size()) + " files";
         info_.quantization = unite_quantization(sources_, info_.bounds, info_.notes);

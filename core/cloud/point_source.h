@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -32,6 +33,7 @@ struct CloudInfo {
     std::vector<std::vector<double>> attribute_min, attribute_max;  // [attribute][component] stored values, as stated; empty: unknown
     std::string crs;  // WKT, "EPSG:n" or "EPSG:h+v", or only a name where GeoTIFF keys could not be translated; empty: unknown
     std::vector<CrsRecord> crs_records;  // where the file has GeoTIFF keys: what a LAS writer keeps of what `crs` cannot say
+    std::optional<bool> adjusted_gps_time;  // GPS times are standard GPS time - 1e9 s, else seconds of the week; unknown: not said
     std::vector<std::string> notes;  // what the reader left out or found odd but not wrong; a line each
 };
 

@@ -1,6 +1,7 @@
 #include "io/las/las_info.h"
 
 #include "io/las/las_crs.h"
+#include "io/las/las_header_writer.h"
 #include "io/las/las_layout.h"
 
 namespace strata::las {
@@ -14,7 +15,9 @@ CloudInfo cloud_info(const ByteSource& source, const Header& header, const Colum
     info.attributes = columns.attributes();
     info.notes = std::move(notes);
     read_crs(source, header, info);
-    if (point_layout(header.point_format).wave) info.notes.push_back("wave packets are left out");
+    const PointLayout layout = point_layout(header.point_format);
+    if (layout.gps_time) info.adjusted_gps_time = (header.global_encoding & kAdjustedTimeBit) != 0;
+    if (layout.wave) info.notes.push_back("wave packets are left out");
     return info;
 }
 

@@ -1,150 +1,187 @@
 #include "io/las/las_writer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
-#include <limits>
-#include <span>
 
 #include "core/error.h"
+#include "core/parallel.h"
 #include "io/las/las_header_writer.h"
+#include "io/las/las_layout.h"
 
 namespace strata {
 namespace {
 
-constexpr uint16_t kWktRecordId = 2112;
+constexpr uint16_t kWktRecord = 2112, kExtraBytesRecord = 4, kLaszipRecord = 22204;
+constexpr std::string_view kWktDescription = "WKT of the coordinate system";
+constexpr uint64_t kMostOldPoints = std::numeric_limits<uint32_t>::max();  // of LAS 1.0 to 1.3
+constexpr size_t kMostRecordBytes = std::numeric_limits<uint16_t>::max();
+constexpr double kSecondsOfWeek = 7 * 24 * 3600;
 
-// Record formats 6, 7 and 8: where their fields are (tables 14 to 16).
-constexpr size_t kReturnByte = 14, kFlagByte = 15;
-struct FieldPlace {
-    std::string_view name;
-    ScalarType type;
-    int components;
-    size_t position;
-};
-constexpr std::array<FieldPlace, 8> kFieldPlaces = {{{attribute_name::kIntensity, ScalarType::uint16, 1, 12},
-                                                     {attribute_name::kClassification, ScalarType::uint8, 1, 16},
-                                                     {attribute_name::kUserData, ScalarType::uint8, 1, 17},
-                                                     {attribute_name::kScanAngle, ScalarType::int16, 1, 18},
-                                                     {attribute_name::kPointSourceId, ScalarType::uint16, 1, 20},
-                                                     {attribute_name::kGpsTime, ScalarType::float64, 1, 22},
-                                                     {attribute_name::kRgb, ScalarType::uint16, 3, 30},
-                                                     {attribute_name::kNearInfrared, ScalarType::uint16, 1, 36}}};
+// The text ends with a zero.
+std::span<const std::byte> wkt_payload(const std::string& wkt) { return std::as_bytes(std::span<const char>(wkt.c_str(), wkt.size() + 1)); }
 
-size_t record_size_of(int point_format) {
-    switch (point_format) {
-        case 6: return 30;
-        case 7: return 36;
-        case 8: return 38;
-        default: throw Error(ErrorKind::unsupported, "LAS point format " + std::to_string(point_format) + ": only 6, 7 and 8 are written");
-    }
+// WKT came with 1.4, as did the point formats from 6 on.
+int minor_version_for(const LasWriterSettings& settings, uint64_t expected_points) {
+    return settings.point_format >= 6 || !settings.crs_wkt.empty() || expected_points > kMostOldPoints ? 4 : 2;
 }
 
-int column_of(const std::vector<Attribute>& attributes, std::string_view name) {
-    const int column = find_attribute(attributes, name);
-    if (column >= 0 && (attributes[size_t(column)].type != ScalarType::uint8 || attributes[size_t(column)].components != 1))
-        throw Error(ErrorKind::usage, "attribute '" + std::string(name) + "': one uint8 expected");
-    return column;
-}
+double lesser(double a, double b) { return std::isnan(a) || b < a ? b : a; }
+double greater(double a, double b) { return std::isnan(a) || b > a ? b : a; }
 
 }  // namespace
 
-LasWriter::LasWriter(const std::string& path, const LasWriterSettings& settings, uint64_t expected_points)
-    : settings_(settings), record_size_(record_size_of(settings.point_format)), file_(path, settings.overwrite) {
-    least_.fill(std::numeric_limits<int32_t>::max());
-    most_.fill(std::numeric_limits<int32_t>::min());
-    for (size_t column = 0; column < settings_.attributes.size(); ++column) {
-        const Attribute& attribute = settings_.attributes[column];
-        if (attribute.name == attribute_name::kReturnNumber || attribute.name == attribute_name::kNumberOfReturns ||
-            attribute.name == attribute_name::kClassificationFlags)
-            continue;  // bit fields
-        const auto place = std::find_if(kFieldPlaces.begin(), kFieldPlaces.end(), [&](const FieldPlace& p) { return p.name == attribute.name; });
-        if (place == kFieldPlaces.end() || place->position + attribute.size_bytes() > record_size_ || place->type != attribute.type ||
-            place->components != attribute.components)
-            throw Error(ErrorKind::usage, path + ": attribute '" + attribute.name + "' (" + std::string(scalar_name(attribute.type)) + " x " +
-                                              std::to_string(attribute.components) + ") has no field in LAS point format " +
-                                              std::to_string(settings_.point_format));
-        fields_.push_back({column, place->position, attribute.size_bytes()});
+LasWriter::Totals::Totals(const std::vector<Attribute>& attributes) {
+    least.fill(std::numeric_limits<int32_t>::max());
+    most.fill(std::numeric_limits<int32_t>::min());
+    for (const Attribute& attribute : attributes)
+        extra_least.emplace_back(size_t(attribute.components), std::numeric_limits<double>::quiet_NaN());
+    extra_most = extra_least;
+}
+
+void LasWriter::Totals::add(const Totals& other) {
+    points += other.points;
+    for (size_t i = 0; i < by_return.size(); ++i) by_return[i] += other.by_return[i];
+    for (size_t axis = 0; axis < 3; ++axis) {
+        least[axis] = std::min(least[axis], other.least[axis]);
+        most[axis] = std::max(most[axis], other.most[axis]);
     }
-    return_number_column_ = column_of(settings_.attributes, attribute_name::kReturnNumber);
-    return_count_column_ = column_of(settings_.attributes, attribute_name::kNumberOfReturns);
-    flags_column_ = column_of(settings_.attributes, attribute_name::kClassificationFlags);
+    gps_least = std::min(gps_least, other.gps_least);
+    gps_most = std::max(gps_most, other.gps_most);
+    for (size_t a = 0; a < extra_least.size(); ++a)
+        for (size_t c = 0; c < extra_least[a].size(); ++c) {
+            extra_least[a][c] = lesser(extra_least[a][c], other.extra_least[a][c]);
+            extra_most[a][c] = greater(extra_most[a][c], other.extra_most[a][c]);
+        }
+}
+
+LasWriter::LasWriter(const std::string& path, const LasWriterSettings& settings, uint64_t expected_points)
+    : settings_(settings),
+      fields_(settings.point_format, settings.attributes),
+      minor_version_(minor_version_for(settings, expected_points)),
+      wkt_is_extended_(settings.crs_wkt.size() + 1 > kMostRecordBytes),
+      file_(path, settings.overwrite),
+      totals_(settings.attributes) {
     const std::vector<std::byte> head = header();
-    if (expected_points > (std::numeric_limits<uint64_t>::max() >> 1) / record_size_)
+    point_offset_ = head.size();
+    if (expected_points > (std::numeric_limits<uint64_t>::max() >> 1) / fields_.record_size())
         throw Error(ErrorKind::limit, path + ": " + std::to_string(expected_points) + " points do not fit into any file");
-    if (expected_points > 0) file_.reserve(head.size() + expected_points * record_size_);
+    if (expected_points > 0 && !settings_.compressed) file_.reserve(head.size() + expected_points * fields_.record_size());
     file_.write(head);
+    if (settings_.compressed) chunks_.emplace(file_, settings_.point_format, fields_.record_size(), settings_.threads);
 }
 
 std::vector<std::byte> LasWriter::header() const {
     std::vector<std::byte> records;
-    if (!settings_.crs_wkt.empty()) {
-        const std::span<const char> text(settings_.crs_wkt.c_str(), settings_.crs_wkt.size() + 1);  // ends with a zero
-        try {
-            las::append_record(records, "LASF_Projection", kWktRecordId, "WKT of the coordinate system", std::as_bytes(text));
-        } catch (const Error& error) {
-            throw error.within(file_.path());
-        }
-    }
+    uint32_t count = 0;
+    const auto append = [&](std::string_view user, uint16_t id, std::string_view description, std::span<const std::byte> payload) {
+        las::append_record(records, user, id, description, payload);
+        ++count;
+    };
+    const bool has_wkt = !settings_.crs_wkt.empty();
+    if (has_wkt && !wkt_is_extended_) append("LASF_Projection", kWktRecord, kWktDescription, wkt_payload(settings_.crs_wkt));
+    const std::vector<std::byte> extra = fields_.extra_bytes_record(totals_.extra_least, totals_.extra_most);
+    if (!extra.empty()) append("LASF_Spec", kExtraBytesRecord, "extra bytes", extra);
+    if (settings_.compressed)
+        append("laszip encoded", kLaszipRecord, "by strata",
+               las::laszip_record(settings_.point_format, fields_.record_size(), las::LazChunkWriter::kChunkPoints));
+
+    // The WKT bit must be set for point formats from 6 on, with or without a WKT (section 2.4, global encoding).
+    const bool wkt_bit = has_wkt || settings_.point_format >= 6;
+    const bool adjusted_bit = settings_.adjusted_gps_time.value_or(totals_.gps_least < 0.0 || totals_.gps_most > kSecondsOfWeek);
     const las::HeaderValues values = {
-        // The WKT bit must be set for these point formats, with or without a WKT (section 2.4, global encoding).
-        .global_encoding = uint16_t(las::kWktBit | (settings_.adjusted_gps_time ? las::kAdjustedTimeBit : 0)),
+        .minor_version = minor_version_,
+        .global_encoding = uint16_t((wkt_bit ? las::kWktBit : 0) | (adjusted_bit ? las::kAdjustedTimeBit : 0)),
         .system_identifier = settings_.system_identifier,
         .generating_software = settings_.generating_software,
         .creation_day = settings_.creation_day,
         .creation_year = settings_.creation_year,
-        .point_offset = uint32_t(las::header_bytes(4) + records.size()),
-        .records = settings_.crs_wkt.empty() ? 0u : 1u,
+        .point_offset = uint32_t(las::header_bytes(minor_version_) + records.size()),
+        .records = count,
         .point_format = settings_.point_format,
-        .record_size = uint16_t(record_size_),
+        .compressed = settings_.compressed,
+        .record_size = uint16_t(fields_.record_size()),
         .quantization = settings_.quantization,
-        .points = points_,
-        .points_by_return = points_by_return_,
-        .least = least_,
-        .most = most_};
+        .points = totals_.points,
+        .points_by_return = totals_.by_return,
+        .least = totals_.least,
+        .most = totals_.most,
+        .extended_offset = extended_offset_,
+        .extended_records = extended_offset_ > 0 ? 1u : 0u};
     std::vector<std::byte> bytes = las::header_block(values);
     bytes.insert(bytes.end(), records.begin(), records.end());
     return bytes;
 }
 
-void LasWriter::encode_plain(const PointBatch& batch) {
-    for (size_t i = 0; i < batch.size; ++i) {
-        const std::array<int32_t, 3> quanta = {batch.x[i], batch.y[i], batch.z[i]};
-        for (size_t axis = 0; axis < 3; ++axis) {
-            least_[axis] = std::min(least_[axis], quanta[axis]);
-            most_[axis] = std::max(most_[axis], quanta[axis]);
+LasWriter::Totals LasWriter::measure(const PointBatch& batch, std::span<const std::byte> records) const {
+    Totals totals(settings_.attributes);
+    totals.points = batch.size;
+    const std::array<const std::vector<int32_t>*, 3> axes = {&batch.x, &batch.y, &batch.z};
+    for (size_t axis = 0; axis < 3; ++axis) {
+        const auto [least, most] = std::minmax_element(axes[axis]->begin(), axes[axis]->begin() + ptrdiff_t(batch.size));
+        totals.least[axis] = *least;
+        totals.most[axis] = *most;
+    }
+    const las::PointLayout layout = las::point_layout(settings_.point_format);
+    const uint8_t return_bits = layout.extended ? 15 : 7;
+    std::array<uint64_t, 16> by_return{};
+    for (size_t at = 0; at < records.size(); at += fields_.record_size()) {
+        ++by_return[uint8_t(records[at + 14]) & return_bits];
+        if (layout.gps_time == 0 || settings_.adjusted_gps_time) continue;
+        const double time = load_scalar(ScalarType::float64, records.data() + at + layout.gps_time);
+        totals.gps_least = std::min(totals.gps_least, time);
+        totals.gps_most = std::max(totals.gps_most, time);
+    }
+    std::copy(by_return.begin() + 1, by_return.end(), totals.by_return.begin());
+    for (const size_t a : fields_.extra_attributes()) {
+        const Attribute& attribute = settings_.attributes[a];
+        const size_t size = scalar_size(attribute.type), components = size_t(attribute.components);
+        const std::vector<std::byte>& column = batch.columns[a];
+        for (size_t i = 0; i * size < column.size(); ++i) {
+            const double value = load_scalar(attribute.type, column.data() + i * size);
+            if (std::isnan(value) || value == attribute.no_data) continue;
+            totals.extra_least[a][i % components] = lesser(totals.extra_least[a][i % components], value);
+            totals.extra_most[a][i % components] = greater(totals.extra_most[a][i % components], value);
         }
-        std::memcpy(records_.data() + i * record_size_, quanta.data(), sizeof quanta);
     }
-    for (const Field& field : fields_) {
-        const std::vector<std::byte>& column = batch.columns[field.column];
-        if (column.empty()) continue;
-        for (size_t i = 0; i < batch.size; ++i)
-            std::memcpy(records_.data() + i * record_size_ + field.position, column.data() + i * field.size_bytes, field.size_bytes);
-    }
+    return totals;
 }
 
-void LasWriter::encode_returns_and_flags(const PointBatch& batch) {
-    const auto value = [&](int column, size_t i, uint8_t fallback) {
-        return column < 0 || batch.columns[size_t(column)].empty() ? fallback : uint8_t(batch.columns[size_t(column)][i]);
-    };
-    for (size_t i = 0; i < batch.size; ++i) {
-        const uint8_t number = value(return_number_column_, i, 1), count = value(return_count_column_, i, 1);
-        records_[i * record_size_ + kReturnByte] = std::byte((number & 15) | (count & 15) << 4);
-        records_[i * record_size_ + kFlagByte] = std::byte(value(flags_column_, i, 0));
-        if (number >= 1 && number <= points_by_return_.size()) ++points_by_return_[size_t(number) - 1];
-    }
-}
-
-void LasWriter::write(const PointBatch& batch) {
-    if (batch.size == 0) return;
-    records_.assign(batch.size * record_size_, std::byte(0));
-    encode_plain(batch);
-    encode_returns_and_flags(batch);
-    file_.write(records_);
-    points_ += batch.size;
+void LasWriter::write(std::span<const PointBatch> batches) {
+    const size_t record_size = fields_.record_size();
+    std::vector<size_t> first = {0};
+    for (const PointBatch& batch : batches) first.push_back(first.back() + batch.size * record_size);
+    if (first.back() == 0) return;
+    if (minor_version_ < 4 && totals_.points + first.back() / record_size > kMostOldPoints)
+        throw Error(ErrorKind::limit,
+                    file_.path() + ": LAS 1.2 holds " + std::to_string(kMostOldPoints) + " points, and there are more than were expected");
+    records_.resize(first.back());
+    const uint64_t begin = point_offset_ + totals_.points * record_size;  // where not compressed
+    std::vector<Totals> totals(batches.size(), Totals({}));
+    parallel_blocks(settings_.threads, batches.size(), 1, [&](size_t from, size_t to) {
+        for (size_t i = from; i < to; ++i) {
+            if (batches[i].size == 0) continue;
+            const std::span<std::byte> records = std::span(records_).subspan(first[i], first[i + 1] - first[i]);
+            fields_.encode(batches[i], 0, records);
+            totals[i] = measure(batches[i], records);
+            if (!chunks_) file_.write_at(begin + first[i], records);
+        }
+    });
+    for (size_t i = 0; i < batches.size(); ++i)
+        if (batches[i].size > 0) totals_.add(totals[i]);
+    if (chunks_) chunks_->write(records_);
 }
 
 void LasWriter::finish(Durability durability) {
+    if (chunks_) chunks_->finish();
+    if (!settings_.crs_wkt.empty() && wkt_is_extended_) {
+        extended_offset_ = file_.size();
+        std::vector<std::byte> record;
+        const std::span<const std::byte> payload = wkt_payload(settings_.crs_wkt);
+        las::append_extended_record_header(record, "LASF_Projection", kWktRecord, kWktDescription, payload.size());
+        record.insert(record.end(), payload.begin(), payload.end());
+        file_.write(record);
+    }
     file_.write_at(0, header());
     file_.commit(durability);
 }

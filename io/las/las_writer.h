@@ -2,67 +2,87 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/cloud/attribute.h"
 #include "core/cloud/point_batch.h"
 #include "core/math/quantization.h"
+#include "io/las/las_record.h"
+#include "io/las/laz_chunk_writer.h"
 #include "io/output_file.h"
 
 namespace strata {
 
 struct LasWriterSettings {
-    int point_format = 7;  // 6, 7 or 8
+    int point_format = 7;     // 0 to 3, 6 to 8
+    bool compressed = false;  // LAZ
     Quantization quantization;
-    std::string crs_wkt;                // may be empty
-    std::vector<Attribute> attributes;  // of the batches; those that the format has no field for must not be there
+    std::string crs_wkt;                // OGC WKT 1; may be empty
+    std::vector<Attribute> attributes;  // of the batches; those that the format has no field for become extra bytes
     std::string system_identifier = "strata";
     std::string generating_software = "strata";
     uint16_t creation_day = 0, creation_year = 0;  // day of the year, from 1; arguments, so that files can be reproduced
-    bool adjusted_gps_time = true;                 // standard GPS time - 1e9 s; else seconds of the week
+    /// Standard GPS time - 1e9 s, or seconds of the week; unknown: adjusted, if the times lie beyond a week.
+    std::optional<bool> adjusted_gps_time = true;
+    int threads = 1;  // that write() may use; the file does not depend on it
     bool overwrite = false;
 };
 
-/// Streams points into a LAS 1.4 file: whole under its name after finish(), absent without. Counts and bounds of the header
-/// are those of the points written.
+/// Streams points into a LAS or LAZ file: whole under its name after finish(), absent without. Counts and bounds of the header
+/// are those of the points written. The version is 1.4, or 1.2 where a point format of 0 to 3 needs nothing newer.
 /// source  ASPRS, "LAS Specification 1.4 - R15", sections 2.4 (header), 2.5 (VLRs), 2.6 (point records), 3.1 (WKT)
 class LasWriter {
 public:
     /// expected_points  reserves the room on disk, so that a disk too small is found out first; 0: unknown
-    /// throws           Error{usage}: the file exists, or an attribute has no field; Error{unsupported}: the point format;
-    ///                  Error{io}: the folder or the disk
+    /// throws           Error{usage, io}: the file exists, the folder or the disk; Error{unsupported}: the point format;
+    ///                  Error{limit}: too many points or extra bytes
     LasWriter(const std::string& path, const LasWriterSettings& settings, uint64_t expected_points = 0);
 
-    /// Appends the points of a batch, whose columns are those of settings.attributes (an empty column: zeros).
-    /// throws  Error{io}, naming the path and the byte
-    void write(const PointBatch& batch);
+    /// What the file says otherwise than the attributes do; a line each.
+    const std::vector<std::string>& notes() const { return fields_.notes(); }
+
+    /// Appends the points of batches, one after the other, whose columns are those of settings.attributes (an empty column:
+    /// zeros). Threads share the batches out: several at once are faster.
+    /// throws  Error{io}, naming the path and the byte; Error{unsupported}: a value that its field cannot hold
+    void write(std::span<const PointBatch> batches);
+    void write(const PointBatch& batch) { write(std::span(&batch, 1)); }
     /// Writes the header and gives the file its name. Once, last.
     void finish(Durability durability = Durability::synced);
 
-    uint64_t points() const { return points_; }
+    size_t record_bytes() const { return fields_.record_size(); }
+    uint64_t points() const { return totals_.points; }
     uint64_t size_bytes() const { return file_.size(); }
 
 private:
-    struct Field {
-        size_t column;      // of the batch
-        size_t position;    // byte in the record
-        size_t size_bytes;  // of a point
+    // What the header says of the points.
+    struct Totals {
+        uint64_t points = 0;
+        std::array<uint64_t, 15> by_return{};
+        std::array<int32_t, 3> least, most;                        // quanta
+        double gps_least = 0.0, gps_most = 0.0;                    // from 0 on: a zero says nothing
+        std::vector<std::vector<double>> extra_least, extra_most;  // [attribute][component]; NaN: no value
+
+        explicit Totals(const std::vector<Attribute>& attributes);
+        void add(const Totals& other);
     };
 
+    Totals measure(const PointBatch& batch, std::span<const std::byte> records) const;
     std::vector<std::byte> header() const;
-    void encode_plain(const PointBatch& batch);
-    void encode_returns_and_flags(const PointBatch& batch);
 
     LasWriterSettings settings_;
-    size_t record_size_ = 0;
-    std::vector<Field> fields_;  // copied as they are
-    int return_number_column_ = -1, return_count_column_ = -1, flags_column_ = -1;
+    las::RecordFields fields_;
+    int minor_version_;
+    bool wkt_is_extended_;
     OutputFile file_;
-    std::vector<std::byte> records_;  // of the batch at hand
-    uint64_t points_ = 0;
-    std::array<uint64_t, 15> points_by_return_{};
-    std::array<int32_t, 3> least_{}, most_{};  // quanta
+    uint64_t point_offset_ = 0, extended_offset_ = 0;  // bytes
+    std::optional<las::LazChunkWriter> chunks_;        // where compressed
+    std::vector<std::byte> records_;                   // of the batches at hand
+    Totals totals_;
 };
 
 }  // namespace strata
