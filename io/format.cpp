@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "core/error.h"
+#include "core/octree/layered_points.h"
 #include "io/byte_source.h"
 #include "io/copc/copc_cloud.h"
 #include "io/draco/draco_source.h"
@@ -21,7 +22,7 @@ namespace fs = std::filesystem;
 
 constexpr std::array kFormats = {
     Format{"las", "LAS 1.0 to 1.4, point formats 0 to 10", ".las", FormatKind::points, true},
-    Format{"laz", "LAZ, compressed LAS, point formats 0 to 10", ".laz", FormatKind::points, false},
+    Format{"laz", "LAZ, compressed LAS, point formats 0 to 10", ".laz", FormatKind::points, true},
     Format{"copc", "COPC 1.0, a LAZ file with an octree", ".copc.laz", FormatKind::layered, true},
     Format{"potree", "Potree 2.0, a folder with metadata.json", "", FormatKind::layered, true},
     Format{"3dtiles", "3D Tiles, tileset.json or .pnts", ".json .pnts", FormatKind::not_readable, false},
@@ -109,13 +110,27 @@ const Format& identify_bytes(const ByteSource& source) {
     throw Error(ErrorKind::unsupported, what + ": " + std::string(wish) + " is expected here");
 }
 
+// A level-of-detail data set with its points as a plain list, node after node.
+class PointsOfLayered : public PointSource {
+public:
+    explicit PointsOfLayered(std::unique_ptr<LayeredCloud> cloud) : cloud_(std::move(cloud)), points_(*cloud_) {}
+
+    const CloudInfo& info() const override { return points_.info(); }
+    uint64_t batch_count() const override { return points_.batch_count(); }
+    void read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const override { points_.read_batch(index, wanted, out); }
+
+private:
+    std::unique_ptr<LayeredCloud> cloud_;
+    LayeredPoints points_;
+};
+
 std::unique_ptr<PointSource> open_points_file(const std::string& path, bool alone) {
     const Format& format = identify_format(path);
-    const bool is_plain = format.kind == FormatKind::points || format.name == "copc";  // its points are those of a LAZ file
-    if (!is_plain) refuse(path, format, "a plain file of points");
+    if (format.kind == FormatKind::not_readable) refuse(path, format, "a file of points");
     if (format.name == "drc")
         return std::make_unique<DracoSource>(open_file(path), alone ? DracoSource::Keep::decoded : DracoSource::Keep::nothing);
-    return open_las(open_file(path));
+    if (format.kind == FormatKind::points || format.name == "copc") return open_las(open_file(path));  // COPC is a LAZ file, too
+    return std::make_unique<PointsOfLayered>(open_layered(path));
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ namespace strata {
 namespace {
 
 constexpr OptionRow kRows[] = {
-    {"--format", "-f", "FORMAT", "", "format of OUT: potree, copc or drc; default: what the ending of OUT says, else potree"},
+    {"--format", "-f", "FORMAT", "", "format of OUT: potree, copc, las, laz or drc; default: what the ending of OUT says, else potree"},
     {"--encoding", "-e", "default|brotli", "default", "potree: plain records, or smaller and slower"},
     {"--quality", "", "0...11", "2", "effort of the brotli encoding; the user guide has its size and time"},
     {"--max-error", "", "UNITS", "", "drc: how far a coordinate may move, CRS units; default: half of the source's quantum, so that strata reads its integers back"},
@@ -106,7 +106,7 @@ struct Kind {
     std::string_view format;
     std::unique_ptr<ConvertOutput> (*make)(const ConvertRequest&, const Options&);
 };
-constexpr std::array kKinds = {Kind{"potree", make_lod_output}, Kind{"copc", make_lod_output}, Kind{"drc", make_draco_output}};
+constexpr std::array kKinds = {Kind{"potree", make_lod_output}, Kind{"copc", make_lod_output}, Kind{"drc", make_draco_output}, Kind{"las", make_las_output}, Kind{"laz", make_las_output}};
 
 const Kind& kind_of(const Options& options) {
     const std::string format = options.given("--format") ? options.text("--format") : std::string(format_of_name(options.positional.back()));
@@ -177,7 +177,7 @@ int run(const Options& options) {
 
 Command convert_command() {
     return {.name = "convert",
-            .summary = "scans to level-of-detail data sets",
+            .summary = "scans to level-of-detail data sets and plain files",
             .positional = "IN... OUT",
             .least_positional = 2,
             .rows = kRows,

@@ -49,5 +49,6 @@ public:
 // throws  Error{usage}: the options; Error{io}: the output
 std::unique_ptr<ConvertOutput> make_lod_output(const ConvertRequest& request, const Options& options);
 std::unique_ptr<ConvertOutput> make_draco_output(const ConvertRequest& request, const Options& options);
+std::unique_ptr<ConvertOutput> make_las_output(const ConvertRequest& request, const Options& options);
 
 }  // namespace strata
