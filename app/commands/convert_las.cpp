@@ -1,10 +1,12 @@
 // What strata convert does for plain LAS and LAZ: the points in the order of the inputs, a few batches at a time.
+#include <algorithm>
 #include <array>
 #include <nlohmann/json.hpp>
 
 #include "app/commands/convert_output.h"
 #include "core/cloud/point_rounds.h"
 #include "core/error.h"
+#include "io/crs/crs_text.h"
 #include "io/las/las_record.h"
 #include "io/las/las_writer.h"
 
@@ -19,6 +21,13 @@ uint64_t round_points(const ConvertRequest& request, const CloudInfo& info, size
     return points_of_round(request.threads, request.memory_bytes / 4 * 3, column_bytes + encoded_bytes);
 }
 
+// As it is where it is WKT 1, which LAS asks for; else in PROJ's words. Empty: there is none, or PROJ does not know it.
+std::string wkt_of(const std::string& crs) {
+    constexpr std::array kKeywords = {"PROJCS[", "GEOGCS[", "GEOCCS[", "COMPD_CS[", "LOCAL_CS["};
+    const bool is_wkt = std::any_of(kKeywords.begin(), kKeywords.end(), [&](std::string_view keyword) { return crs.starts_with(keyword); });
+    return is_wkt ? crs : wkt1_of_crs(crs);
+}
+
 class LasOutput : public ConvertOutput {
 public:
     explicit LasOutput(const ConvertRequest& request) : request_(request) { check_output_path(request.output, request.overwrite); }
@@ -27,11 +36,16 @@ public:
         const CloudInfo& info = source.info();
         const int point_format = las::point_format_for(info.attributes, false);
         ConvertReport report{.worst_rounding = info.worst_rounding};
+        const std::string wkt = wkt_of(info.crs);
+        const bool keeps_keys = point_format < 6 && !info.crs_records.empty();
+        if (!info.crs.empty() && wkt.empty() && !keeps_keys)
+            report.notes.push_back("the coordinate reference system has no WKT and is left out: " + crs_name(info.crs));
         LasWriter writer(request_.output,
                          {.point_format = point_format,
                           .compressed = request_.format == "laz",
                           .quantization = info.quantization,
-                          .crs_wkt = wkt_of(info, report.notes),
+                          .crs_records = info.crs_records,
+                          .crs_wkt = wkt,
                           .attributes = info.attributes,
                           .generating_software = "strata convert",
                           .adjusted_gps_time = info.adjusted_gps_time,
@@ -53,14 +67,6 @@ public:
     }
 
 private:
-    static std::string wkt_of(const CloudInfo& info, std::vector<std::string>& notes) {
-        constexpr std::array kKeywords = {"PROJCS[", "GEOGCS[", "GEOCCS[", "COMPD_CS[", "LOCAL_CS["};
-        for (const std::string_view keyword : kKeywords)
-            if (info.crs.starts_with(keyword)) return info.crs;
-        if (!info.crs.empty()) notes.push_back("the coordinate reference system is left out: " + info.crs);
-        return {};
-    }
-
     ConvertRequest request_;
 };
 

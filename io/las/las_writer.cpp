@@ -22,8 +22,8 @@ constexpr double kSecondsOfWeek = 7 * 24 * 3600;
 std::span<const std::byte> wkt_payload(const std::string& wkt) { return std::as_bytes(std::span<const char>(wkt.c_str(), wkt.size() + 1)); }
 
 // WKT came with 1.4, as did the point formats from 6 on.
-int minor_version_for(const LasWriterSettings& settings, uint64_t expected_points) {
-    return settings.point_format >= 6 || !settings.crs_wkt.empty() || expected_points > kMostOldPoints ? 4 : 2;
+int minor_version_for(int point_format, bool has_wkt, uint64_t expected_points) {
+    return point_format >= 6 || has_wkt || expected_points > kMostOldPoints ? 4 : 2;
 }
 
 double lesser(double a, double b) { return std::isnan(a) || b < a ? b : a; }
@@ -58,8 +58,10 @@ void LasWriter::Totals::add(const Totals& other) {
 LasWriter::LasWriter(const std::string& path, const LasWriterSettings& settings, uint64_t expected_points)
     : settings_(settings),
       fields_(settings.point_format, settings.attributes),
-      minor_version_(minor_version_for(settings, expected_points)),
+      has_keys_(settings.point_format < 6 && !settings.crs_records.empty()),
+      has_wkt_(!has_keys_ && !settings.crs_wkt.empty()),
       wkt_is_extended_(settings.crs_wkt.size() + 1 > kMostRecordBytes),
+      minor_version_(minor_version_for(settings.point_format, has_wkt_, expected_points)),
       file_(path, settings.overwrite),
       totals_(settings.attributes) {
     const std::vector<std::byte> head = header();
@@ -78,8 +80,9 @@ std::vector<std::byte> LasWriter::header() const {
         las::append_record(records, user, id, description, payload);
         ++count;
     };
-    const bool has_wkt = !settings_.crs_wkt.empty();
-    if (has_wkt && !wkt_is_extended_) append("LASF_Projection", kWktRecord, kWktDescription, wkt_payload(settings_.crs_wkt));
+    if (has_keys_)
+        for (const CrsRecord& record : settings_.crs_records) append("LASF_Projection", record.id, "GeoTIFF keys", record.bytes);
+    if (has_wkt_ && !wkt_is_extended_) append("LASF_Projection", kWktRecord, kWktDescription, wkt_payload(settings_.crs_wkt));
     const std::vector<std::byte> extra = fields_.extra_bytes_record(totals_.extra_least, totals_.extra_most);
     if (!extra.empty()) append("LASF_Spec", kExtraBytesRecord, "extra bytes", extra);
     if (settings_.compressed)
@@ -87,7 +90,7 @@ std::vector<std::byte> LasWriter::header() const {
                las::laszip_record(settings_.point_format, fields_.record_size(), las::LazChunkWriter::kChunkPoints));
 
     // The WKT bit must be set for point formats from 6 on, with or without a WKT (section 2.4, global encoding).
-    const bool wkt_bit = has_wkt || settings_.point_format >= 6;
+    const bool wkt_bit = has_wkt_ || settings_.point_format >= 6;
     const bool adjusted_bit = settings_.adjusted_gps_time.value_or(totals_.gps_least < 0.0 || totals_.gps_most > kSecondsOfWeek);
     const las::HeaderValues values = {
         .minor_version = minor_version_,
@@ -174,7 +177,7 @@ void LasWriter::write(std::span<const PointBatch> batches) {
 
 void LasWriter::finish(Durability durability) {
     if (chunks_) chunks_->finish();
-    if (!settings_.crs_wkt.empty() && wkt_is_extended_) {
+    if (has_wkt_ && wkt_is_extended_) {
         extended_offset_ = file_.size();
         std::vector<std::byte> record;
         const std::span<const std::byte> payload = wkt_payload(settings_.crs_wkt);

@@ -11,6 +11,7 @@
 
 #include "core/cloud/attribute.h"
 #include "core/cloud/point_batch.h"
+#include "core/cloud/point_source.h"
 #include "core/math/quantization.h"
 #include "io/las/las_record.h"
 #include "io/las/laz_chunk_writer.h"
@@ -22,8 +23,9 @@ struct LasWriterSettings {
     int point_format = 7;     // 0 to 3, 6 to 8
     bool compressed = false;  // LAZ
     Quantization quantization;
-    std::string crs_wkt;                // OGC WKT 1; may be empty
-    std::vector<Attribute> attributes;  // of the batches; those that the format has no field for become extra bytes
+    std::vector<CrsRecord> crs_records;  // GeoTIFF keys, which point formats 0 to 3 have instead of a WKT
+    std::string crs_wkt;                 // OGC WKT 1; may be empty
+    std::vector<Attribute> attributes;   // of the batches; those that the format has no field for become extra bytes
     std::string system_identifier = "strata";
     std::string generating_software = "strata";
     uint16_t creation_day = 0, creation_year = 0;  // day of the year, from 1; arguments, so that files can be reproduced
@@ -76,8 +78,8 @@ private:
 
     LasWriterSettings settings_;
     las::RecordFields fields_;
+    bool has_keys_, has_wkt_, wkt_is_extended_;  // what is written of the coordinate system
     int minor_version_;
-    bool wkt_is_extended_;
     OutputFile file_;
     uint64_t point_offset_ = 0, extended_offset_ = 0;  // bytes
     std::optional<las::LazChunkWriter> chunks_;        // where compressed

@@ -221,6 +221,28 @@ TEST_F(LasWriterTest, WhatOldVersionsDoNotKnowTakesTheNewOne) {
     EXPECT_EQ(bytes()[25], 2);
 }
 
+// GeoTIFF keys are the way of the old formats, WKT that of the new: one of them is written.
+TEST_F(LasWriterTest, GeoTiffKeysStayInOldPointFormats) {
+    LasWriterSettings settings;
+    settings.crs_records = {{34735, std::vector<std::byte>(16, std::byte(7))}, {34737, std::vector<std::byte>(5, std::byte('x'))}};
+    settings.crs_wkt = "LOCAL_CS[\"test\"]";
+    settings.overwrite = true;
+    settings.point_format = 2;
+    LasWriter(path(), settings).finish();
+    ASSERT_EQ(bytes().size(), 227u + 54 + 16 + 54 + 5);
+    EXPECT_EQ(bytes()[25], 2);
+    EXPECT_EQ(at<uint16_t>(bytes(), 6), 1);  // no WKT
+    EXPECT_EQ(at<uint32_t>(bytes(), 100), 2u);
+    EXPECT_EQ(at<uint16_t>(bytes(), 227 + 18), 34735);
+    EXPECT_EQ(bytes()[227 + 54 + 15], 7);
+    EXPECT_EQ(at<uint16_t>(bytes(), 227 + 54 + 16 + 18), 34737);
+    settings.point_format = 6;
+    LasWriter(path(), settings).finish();
+    EXPECT_EQ(at<uint16_t>(bytes(), 6), 17);
+    EXPECT_EQ(at<uint32_t>(bytes(), 100), 1u);
+    EXPECT_EQ(at<uint16_t>(bytes(), 375 + 18), 2112);
+}
+
 // A VLR holds 65,535 bytes; a longer text goes behind the points.
 TEST_F(LasWriterTest, LongTextsGoBehindThePoints) {
     for (const bool compressed : {false, true})
