@@ -12,5 +12,7 @@ set -e
 "$strata" convert "$work/scan.las" "$work/plain" --format potree --encoding default --quiet
 "$strata" convert "$work/scan.las" "$work/brotli" --format potree --encoding brotli --quiet
 "$strata" convert "$work/scan.las" "$work/scan.copc.laz" --quiet
-node "$here/check_laz.mjs" "$work/scan.las" "$work/scan.copc.laz"
+"$strata" convert "$work/scan.las" "$work/scan.laz" --quiet
+"$strata" convert "$work/scan.copc.laz" "$work/nodes.laz" --quiet
+node "$here/check_laz.mjs" "$work/scan.las" "$work/scan.laz" "$work/nodes.laz" "$work/scan.copc.laz"
 node "$here/check_potree.mjs" "$work/plain" "$work/brotli"
