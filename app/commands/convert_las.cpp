@@ -21,11 +21,9 @@ uint64_t round_points(const ConvertRequest& request, const CloudInfo& info, size
     return points_of_round(request.threads, request.memory_bytes / 4 * 3, column_bytes + encoded_bytes);
 }
 
-// As it is where it is WKT 1, which LAS asks for; else in PROJ's words. Empty: there is none, or PROJ does not know it.
-std::string wkt_of(const std::string& crs) {
+bool is_wkt1(const std::string& crs) {
     constexpr std::array kKeywords = {"PROJCS[", "GEOGCS[", "GEOCCS[", "COMPD_CS[", "LOCAL_CS["};
-    const bool is_wkt = std::any_of(kKeywords.begin(), kKeywords.end(), [&](std::string_view keyword) { return crs.starts_with(keyword); });
-    return is_wkt ? crs : wkt1_of_crs(crs);
+    return std::any_of(kKeywords.begin(), kKeywords.end(), [&](std::string_view keyword) { return crs.starts_with(keyword); });
 }
 
 class LasOutput : public ConvertOutput {
@@ -36,8 +34,9 @@ public:
         const CloudInfo& info = source.info();
         const int point_format = las::point_format_for(info.attributes, false);
         ConvertReport report{.worst_rounding = info.worst_rounding};
-        const std::string wkt = wkt_of(info.crs);
+        // As it is where it is the WKT 1 that LAS asks for; else in PROJ's words, unless keys say it.
         const bool keeps_keys = point_format < 6 && !info.crs_records.empty();
+        const std::string wkt = is_wkt1(info.crs) ? info.crs : keeps_keys ? std::string() : wkt1_of_crs(info.crs);
         if (!info.crs.empty() && wkt.empty() && !keeps_keys)
             report.notes.push_back("the coordinate reference system has no WKT and is left out: " + crs_name(info.crs));
         LasWriter writer(request_.output,

@@ -21,9 +21,9 @@ constexpr double kSecondsOfWeek = 7 * 24 * 3600;
 // The text ends with a zero.
 std::span<const std::byte> wkt_payload(const std::string& wkt) { return std::as_bytes(std::span<const char>(wkt.c_str(), wkt.size() + 1)); }
 
-// WKT came with 1.4, as did the point formats from 6 on.
-int minor_version_for(int point_format, bool has_wkt, uint64_t expected_points) {
-    return point_format >= 6 || has_wkt || expected_points > kMostOldPoints ? 4 : 2;
+// WKT came with 1.4, as did the point formats from 6 on. Readers of older versions that find it beside GeoTIFF keys take either.
+int minor_version_for(int point_format, bool needs_wkt, uint64_t expected_points) {
+    return point_format >= 6 || needs_wkt || expected_points > kMostOldPoints ? 4 : 2;
 }
 
 double lesser(double a, double b) { return std::isnan(a) || b < a ? b : a; }
@@ -59,9 +59,9 @@ LasWriter::LasWriter(const std::string& path, const LasWriterSettings& settings,
     : settings_(settings),
       fields_(settings.point_format, settings.attributes),
       has_keys_(settings.point_format < 6 && !settings.crs_records.empty()),
-      has_wkt_(!has_keys_ && !settings.crs_wkt.empty()),
       wkt_is_extended_(settings.crs_wkt.size() + 1 > kMostRecordBytes),
-      minor_version_(minor_version_for(settings.point_format, has_wkt_, expected_points)),
+      has_wkt_(!settings.crs_wkt.empty() && !(has_keys_ && wkt_is_extended_)),
+      minor_version_(minor_version_for(settings.point_format, has_wkt_ && !has_keys_, expected_points)),
       file_(path, settings.overwrite),
       totals_(settings.attributes) {
     const std::vector<std::byte> head = header();
@@ -90,7 +90,7 @@ std::vector<std::byte> LasWriter::header() const {
                las::laszip_record(settings_.point_format, fields_.record_size(), las::LazChunkWriter::kChunkPoints));
 
     // The WKT bit must be set for point formats from 6 on, with or without a WKT (section 2.4, global encoding).
-    const bool wkt_bit = has_wkt_ || settings_.point_format >= 6;
+    const bool wkt_bit = (has_wkt_ && minor_version_ == 4) || settings_.point_format >= 6;
     const bool adjusted_bit = settings_.adjusted_gps_time.value_or(totals_.gps_least < 0.0 || totals_.gps_most > kSecondsOfWeek);
     const las::HeaderValues values = {
         .minor_version = minor_version_,

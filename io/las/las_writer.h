@@ -23,7 +23,7 @@ struct LasWriterSettings {
     int point_format = 7;     // 0 to 3, 6 to 8
     bool compressed = false;  // LAZ
     Quantization quantization;
-    std::vector<CrsRecord> crs_records;  // GeoTIFF keys, which point formats 0 to 3 have instead of a WKT
+    std::vector<CrsRecord> crs_records;  // GeoTIFF keys, for point formats 0 to 3; beside them a WKT needs no LAS 1.4
     std::string crs_wkt;                 // OGC WKT 1; may be empty
     std::vector<Attribute> attributes;   // of the batches; those that the format has no field for become extra bytes
     std::string system_identifier = "strata";
@@ -78,7 +78,7 @@ private:
 
     LasWriterSettings settings_;
     las::RecordFields fields_;
-    bool has_keys_, has_wkt_, wkt_is_extended_;  // what is written of the coordinate system
+    bool has_keys_, wkt_is_extended_, has_wkt_;  // what is written of the coordinate system
     int minor_version_;
     OutputFile file_;
     uint64_t point_offset_ = 0, extended_offset_ = 0;  // bytes

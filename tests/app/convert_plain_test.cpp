@@ -138,7 +138,8 @@ TEST_F(ConvertPlain, RealScansComeBackByteForByte) {
         EXPECT_TRUE(after.scale_and_offset == before.scale_and_offset);
         const auto crs_of = [](const std::string& path) { return json::parse(run_strata({"info", "--json", path}).out)["crs"]; };
         EXPECT_EQ(crs_of(file("b.las")), crs_of(entry.path()));
-        if (report["notes"].dump().find("left out\"") != std::string::npos) continue;
+        const std::string notes = report["notes"].dump();
+        if (notes.find("wave packets") != std::string::npos || notes.find("no description") != std::string::npos) continue;
         EXPECT_EQ(after.format, before.format);
         EXPECT_EQ(after.adjusted_time, before.format == 0 || before.format == 2 ? 0 : before.adjusted_time);
         EXPECT_TRUE(after.bytes == before.bytes);

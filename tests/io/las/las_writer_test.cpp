@@ -221,11 +221,10 @@ TEST_F(LasWriterTest, WhatOldVersionsDoNotKnowTakesTheNewOne) {
     EXPECT_EQ(bytes()[25], 2);
 }
 
-// GeoTIFF keys are the way of the old formats, WKT that of the new: one of them is written.
+// GeoTIFF keys are the way of the old formats, WKT that of the new; some files of old formats have both.
 TEST_F(LasWriterTest, GeoTiffKeysStayInOldPointFormats) {
     LasWriterSettings settings;
     settings.crs_records = {{34735, std::vector<std::byte>(16, std::byte(7))}, {34737, std::vector<std::byte>(5, std::byte('x'))}};
-    settings.crs_wkt = "LOCAL_CS[\"test\"]";
     settings.overwrite = true;
     settings.point_format = 2;
     LasWriter(path(), settings).finish();
@@ -236,6 +235,14 @@ TEST_F(LasWriterTest, GeoTiffKeysStayInOldPointFormats) {
     EXPECT_EQ(at<uint16_t>(bytes(), 227 + 18), 34735);
     EXPECT_EQ(bytes()[227 + 54 + 15], 7);
     EXPECT_EQ(at<uint16_t>(bytes(), 227 + 54 + 16 + 18), 34737);
+
+    settings.crs_wkt = "LOCAL_CS[\"test\"]";
+    LasWriter(path(), settings).finish();
+    EXPECT_EQ(bytes()[25], 2);
+    EXPECT_EQ(at<uint16_t>(bytes(), 6), 1);  // LAS 1.2 has no bit for it
+    EXPECT_EQ(at<uint32_t>(bytes(), 100), 3u);
+    EXPECT_EQ(at<uint16_t>(bytes(), 227 + 54 + 16 + 54 + 5 + 18), 2112);
+
     settings.point_format = 6;
     LasWriter(path(), settings).finish();
     EXPECT_EQ(at<uint16_t>(bytes(), 6), 17);
