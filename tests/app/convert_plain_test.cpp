@@ -59,7 +59,7 @@ protected:
     /// The notes of the report.
     json convert(std::vector<std::string> words) const {
         words.insert(words.begin(), "convert");
-        words.push_back("--json");
+        words.insert(words.end(), {"--json", "--no-sync"});
         const ProgramResult result = run_strata(words);
         EXPECT_EQ(result.exit_code, 0) << result.err;
         EXPECT_EQ(result.err, "");

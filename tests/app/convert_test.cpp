@@ -300,7 +300,7 @@ TEST_F(Convert, FilesOfSeveralScalesAndOffsetsKeepTheirPlaces) {
 TEST_F(Convert, WrongWordsAreUsageErrors) {
     const std::string scan = write_scan("scan.las", 0, 0, 10);
     expect_refused(run_strata({"convert", scan, out_, "--encoding", "zip"}), 2, "--encoding: expected default or brotli, got 'zip'");
-    expect_refused(run_strata({"convert", scan, out_, "--format", "xyz"}), 2, "--format: expected potree, copc, drc, got 'xyz'");
+    expect_refused(run_strata({"convert", scan, out_, "--format", "xyz"}), 2, "--format: expected potree, copc, drc, las, laz, got 'xyz'");
     expect_refused(run_strata({"convert", scan, out_, "--encoding", "brotli", "--quality", "12"}), 2, "--quality: expected a whole number from 0 to 11");
     expect_refused(run_strata({"convert", scan, folder_.file("set.copc.laz"), "--encoding", "brotli"}), 2, "--encoding is for potree, the output is copc");
     expect_refused(run_strata({"convert", scan, out_, "--threads", "0"}), 2, "--threads");
