@@ -83,6 +83,7 @@ WantedSystems wanted_systems(const Options& options) {
 
 std::unique_ptr<PointSource> open_wanted(std::span<const std::string> inputs, const WantedPoints& wanted, const WantedSystems& systems, int threads) {
     size_t file = 0;
+    CrsWays ways;
     WantedPoints of_file = {wanted.bounds, wanted.classes, 1}, of_all = wanted;
     if (!systems.out.empty()) of_all = {{}, {}, wanted.every};
     // Each file is brought to the new system by itself, so that files may be in several; boxes are in its own.
@@ -90,7 +91,7 @@ std::unique_ptr<PointSource> open_wanted(std::span<const std::string> inputs, co
         const std::string& name = inputs[file++];
         if (!systems.in.empty()) source = with_crs(std::move(source), systems.in);
         if (systems.out.empty()) return source;
-        return reproject_points(select_points(std::move(source), of_file, threads), systems.out, name, threads);
+        return reproject_points(select_points(std::move(source), of_file, threads), systems.out, name, threads, ways);
     };
     return select_points(open_points(inputs, in_system), of_all, threads);
 }
