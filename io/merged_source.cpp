@@ -121,12 +121,16 @@ public:
             first_batch_.push_back(first_batch_.back() + sources_[s]->batch_count());
             info_.points += info.points;
             if (info.points > 0) info_.bounds.extend(info.bounds);
-            for (const std::string& note : info.notes) info_.notes.push_back(names_[s] + ": " + note);
+            for (const std::string& text : info.notes) note(s, text);
             unite_crs(s);
             if (!info_.adjusted_gps_time) info_.adjusted_gps_time = info.adjusted_gps_time;
             if (info.adjusted_gps_time && info.adjusted_gps_time != info_.adjusted_gps_time)
-                info_.notes.push_back(names_[s] + ": GPS times are " + (*info.adjusted_gps_time ? "standard time" : "seconds of the week") +
-                                      ", in the files before it they are not; they are kept as they are");
+                note(s, std::string("GPS times are ") + (*info.adjusted_gps_time ? "standard time" : "seconds of the week") +
+                            ", in the files before it they are not; they are kept as they are");
+        }
+        for (const FileNote& said : file_notes_) {
+            const std::string others = said.files > 1 ? " and " + std::to_string(said.files - 1) + " more" : "";
+            info_.notes.push_back(names_[said.first] + others + ": " + said.text);
         }
         info_.format = sources_.front()->info().format + ", " + std::to_string(sources_.size()) + " files";
         info_.quantization = unite_quantization(sources_, info_.bounds, info_.notes);
@@ -166,9 +170,20 @@ private:
         const auto known = same_systems_.find(info.crs);
         const bool same = known != same_systems_.end() ? known->second : (same_systems_[info.crs] = same_crs(info.crs, info_.crs));
         if (!same)
-            info_.notes.push_back(names_[s] + ": its coordinate reference system, " + crs_name(info.crs) +
-                                  ", differs from that of the files before it, " + crs_name(info_.crs) +
-                                  ", which is kept; convert --out-crs brings all to one");
+            note(s, "its coordinate reference system, " + crs_name(info.crs) + ", differs from that of the files before it, " +
+                        crs_name(info_.crs) + ", which is kept; convert --out-crs brings all to one");
+    }
+
+    // A thousand tiles with one note say it once.
+    struct FileNote {
+        std::string text;
+        size_t first = 0, files = 0;
+    };
+
+    void note(size_t s, const std::string& text) {
+        const auto [place, is_new] = note_places_.try_emplace(text, file_notes_.size());
+        if (is_new) file_notes_.push_back({text, s, 0});
+        ++file_notes_[place->second].files;
     }
 
     void plan(bool with_scan_angle) {
@@ -245,6 +260,8 @@ private:
 
     std::vector<std::unique_ptr<PointSource>> sources_;
     std::vector<std::string> names_;
+    std::vector<FileNote> file_notes_;           // in the order of the files that say them first
+    std::map<std::string, size_t> note_places_;  // [text] in file_notes_
     std::map<std::string, bool> same_systems_;  // by text: whether it means info_.crs
     std::vector<SourcePlan> plans_;      // one a source
     std::vector<uint64_t> first_batch_;  // one a source, then the count of all

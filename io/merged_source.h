@@ -12,7 +12,7 @@ namespace strata {
 /// they are, up to a whole shift, where scales agree. Attributes are the union by name: a cloud that lacks one has zeros
 /// there; where type or scale differ the column becomes double, of true values. Color that some hold in 8 of 16 bits and
 /// others in 16 is widened to 16: this, and nothing else, reads points when it is called.
-/// names   one a source, for messages
+/// names   one a source, for messages; a note that several have is said once, with the first name and how many more
 /// throws  Error{limit} when the clouds lie too far apart for int32 quanta; what the sources throw
 std::unique_ptr<PointSource> merge_sources(std::vector<std::unique_ptr<PointSource>> sources, std::vector<std::string> names);
 

@@ -175,6 +175,13 @@ TEST(MergedSource, AnotherSystemIsNamed) {
     EXPECT_TRUE(merged->info().notes[1].starts_with("file3: its coordinate reference system, mine, differs")) << merged->info().notes[1];
 }
 
+TEST(MergedSource, ANoteOfSeveralFilesIsSaidOnce) {
+    const auto merged = merge({file_in("", 25832), file_in("", 25833), file_in("", 25834), file_in("", 25833), file_in("", 25833)});
+    ASSERT_EQ(merged->info().notes.size(), 2u);
+    EXPECT_TRUE(merged->info().notes[0].starts_with("file1 and 2 more: its coordinate reference system, EPSG:25833 ")) << merged->info().notes[0];
+    EXPECT_TRUE(merged->info().notes[1].starts_with("file2: its coordinate reference system, EPSG:25834 ")) << merged->info().notes[1];
+}
+
 TEST(MergedSource, RecordsOfKeysAreKeptWhereAllHaveTheSame) {
     EXPECT_EQ(merge({file_in("", 2056), file_in("", 2056)})->info().crs_records.size(), 1u);
     EXPECT_TRUE(merge({file_in("", 2056), file_in(wkt1_of_crs("EPSG:2056"))})->info().crs_records.empty());
