@@ -13,6 +13,8 @@ namespace {
 class DracoOutput : public ConvertOutput {
 public:
     DracoOutput(const ConvertRequest& request, const Options& options) {
+        for (const char* flag : {"--encoding", "--quality", "--normals", "--viewpoint", "--density"})
+            if (options.given(flag)) throw Error(ErrorKind::usage, std::string(flag) + " is for levels of detail, the output is drc");
         settings_.overwrite = request.overwrite;
         settings_.durability = request.durability;
         settings_.threads = request.threads;

@@ -119,6 +119,21 @@ TEST(DracoCommands, AScanComesBackFromAFileAndFromAFolder) {
     }
 }
 
+// By way of Draco a LAS file becomes what it becomes directly: the same header, system and records.
+TEST(DracoCommands, LasComesBackAsItWas) {
+    const TemporaryFolder folder;
+    const std::string scan = folder.file("scan.las");
+    ASSERT_EQ(run_strata({"sample", scan, "--points", "50000", "--quiet"}).exit_code, 0);
+    ASSERT_EQ(run_strata({"convert", scan, folder.file("scan.drc"), "--quiet"}).exit_code, 0);
+    for (const std::string& input : {scan, folder.file("scan.drc")}) {
+        const ProgramResult result = run_strata({"convert", input, input + ".out.las", "--quiet"});
+        ASSERT_EQ(result.exit_code, 0) << result.err;
+    }
+    const std::string expected = test::file_contents(scan + ".out.las");
+    EXPECT_GT(expected.size(), 50000u * 30);
+    EXPECT_TRUE(test::file_contents(folder.file("scan.drc.out.las")) == expected);
+}
+
 TEST(DracoCommands, MaxErrorIsHeldAndReported) {
     const TemporaryFolder folder;
     const std::string scan = folder.file("scan.las");
@@ -149,6 +164,7 @@ TEST(DracoCommands, WhatIsAskedWronglyIsSaid) {
         EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
     };
     expect_refused({"convert", scan, folder.file("a.drc"), "--max-error", "0"}, 2, "--max-error: a positive number");
+    expect_refused({"convert", scan, folder.file("a.drc"), "--normals"}, 2, "--normals is for levels of detail, the output is drc");
     expect_refused({"convert", scan, folder.file("set"), "--max-error", "0.1"}, 2, "--max-error is for drc, the output is potree");
     expect_refused({"convert", scan, folder.file("a.drc"), "--bounds", "0,0,0,1,1,1"}, 1, "no points to write");
     EXPECT_FALSE(std::filesystem::exists(folder.file("a.drc")));
