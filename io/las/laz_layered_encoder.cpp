@@ -1,5 +1,6 @@
 // Layered chunks of points, formats 6 to 10, to bytes; laz_layered_points.h says what they are.
 #include <algorithm>
+#include <cassert>
 #include <cstring>
 #include <numeric>
 
@@ -38,6 +39,7 @@ public:
     void encode(std::span<const std::byte> records, std::vector<std::byte>& out) override {
         const std::byte* const first = records.data();
         const size_t count = records.size() / record_size_;
+        assert(count > 0 && records.size() % record_size_ == 0);
         compare(first, count);
         choose_layers(first, count);
         for (EncodedLayer& layer : points_.layers)

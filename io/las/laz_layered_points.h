@@ -34,7 +34,7 @@ inline size_t layer_count(const PointLayout& layout, size_t record_size) {
 /// same; but to it -0 and 0 are, and one would come back for the other.
 inline bool time_changes(uint64_t last, uint64_t next) {
     constexpr uint64_t kInfinity = 0x7FF0000000000000;
-    return (last != next) | ((next & ~(uint64_t{1} << 63)) > kInfinity);
+    return int(last != next) | int((next & ~(uint64_t{1} << 63)) > kInfinity);
 }
 
 /// The flags that are coded together, of the record's byte.

@@ -1,6 +1,7 @@
 // Points of formats 0 to 5 to bytes: one stream of symbols for all fields of a point, one point after the other.
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cstring>
 
 #include "io/las/arithmetic_encoder.h"
@@ -32,6 +33,7 @@ public:
     void encode(std::span<const std::byte> records, std::vector<std::byte>& out) override {
         const std::byte* const first = records.data();
         const size_t count = records.size() / record_size_;
+        assert(count > 0 && records.size() % record_size_ == 0);
         restart(first);
         ArithmeticEncoder encoder = bytes_.begin();
         for (size_t done = 1, size; done < count; done += size) {

@@ -25,7 +25,7 @@ public:
     void add(int32_t step) {
         const int32_t* const kept = steps_.data() + (drop_smallest_ ? 1 : 0);
         const std::array<int32_t, 4> old = {kept[0], kept[1], kept[2], kept[3]};
-        drop_smallest_ = (step > steps_[2]) | (!drop_smallest_ & (step == steps_[2]));  // as good as random: no branch
+        drop_smallest_ = int64_t(step) + !drop_smallest_ > steps_[2];  // a step equal to the median changes the turn; no branch
         steps_[0] = std::min(step, old[0]);
         for (size_t i = 1; i < 4; ++i) steps_[i] = std::max(old[i - 1], std::min(step, old[i]));
         steps_[4] = std::max(old[3], step);
