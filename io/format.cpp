@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <filesystem>
 
+#include "core/cloud/salvaged_source.h"
 #include "core/error.h"
 #include "core/octree/layered_points.h"
 #include "io/byte_source.h"
@@ -113,7 +114,7 @@ const Format& identify_bytes(const ByteSource& source) {
 // A level-of-detail data set with its points as a plain list, node after node.
 class PointsOfLayered : public PointSource {
 public:
-    explicit PointsOfLayered(std::unique_ptr<LayeredCloud> cloud) : cloud_(std::move(cloud)), points_(*cloud_) {}
+    PointsOfLayered(std::unique_ptr<LayeredCloud> cloud, const NodeChoice& nodes) : cloud_(std::move(cloud)), points_(*cloud_, nodes) {}
 
     const CloudInfo& info() const override { return points_.info(); }
     uint64_t batch_count() const override { return points_.batch_count(); }
@@ -124,13 +125,23 @@ private:
     LayeredPoints points_;
 };
 
-std::unique_ptr<PointSource> open_points_file(const std::string& path, bool alone) {
+std::unique_ptr<PointSource> open_points_file(const std::string& path, bool alone, const OpenSettings& settings) {
     const Format& format = identify_format(path);
     if (format.kind == FormatKind::not_readable) refuse(path, format, "a file of points");
+    // A COPC file is a LAZ file, too: whole, it is read as that.
+    if (format.name == "potree" || (format.name == "copc" && !settings.nodes.everything()))
+        return std::make_unique<PointsOfLayered>(open_layered(path), settings.nodes);
+    if (settings.nodes.deepest_level != NodeChoice().deepest_level && format.name != "copc")
+        throw Error(ErrorKind::usage, path + ": " + std::string(format.name) + " has no levels to choose from");
     if (format.name == "drc")
         return std::make_unique<DracoSource>(open_file(path), alone ? DracoSource::Keep::decoded : DracoSource::Keep::nothing);
-    if (format.kind == FormatKind::points || format.name == "copc") return open_las(open_file(path));  // COPC is a LAZ file, too
-    return std::make_unique<PointsOfLayered>(open_layered(path));
+    return open_las(open_file(path), settings.salvage ? las::Damage::salvage : las::Damage::refuse);
+}
+
+std::unique_ptr<PointSource> salvaged(std::unique_ptr<PointSource> source, int threads) {
+    const las::Header* const header = header_of(*source);
+    const uint64_t stated = header ? header->stated_points : source->info().points;
+    return std::make_unique<SalvagedSource>(std::move(source), stated, threads);
 }
 
 }  // namespace
@@ -179,12 +190,13 @@ std::vector<std::string> point_files(std::span<const std::string> words) {
     return files;
 }
 
-std::unique_ptr<PointSource> open_points(std::span<const std::string> paths, const WrapSource& wrap) {
+std::unique_ptr<PointSource> open_points(std::span<const std::string> paths, const OpenSettings& settings) {
     if (paths.empty()) throw Error(ErrorKind::usage, "no file of points was named");
     std::vector<std::unique_ptr<PointSource>> sources;
     for (const std::string& path : paths) {
-        sources.push_back(open_points_file(path, paths.size() == 1));
-        if (wrap) sources.back() = wrap(std::move(sources.back()));
+        sources.push_back(open_points_file(path, paths.size() == 1, settings));
+        if (settings.salvage) sources.back() = salvaged(std::move(sources.back()), settings.threads);
+        if (settings.wrap) sources.back() = settings.wrap(std::move(sources.back()));
     }
     if (sources.size() == 1) return std::move(sources.front());
     return merge_sources(std::move(sources), std::vector<std::string>(paths.begin(), paths.end()));

@@ -9,6 +9,7 @@
 
 #include "core/cloud/point_source.h"
 #include "core/octree/layered_cloud.h"
+#include "core/octree/layered_points.h"
 
 namespace strata {
 
@@ -47,10 +48,17 @@ std::vector<std::string> point_files(std::span<const std::string> words);
 /// Makes a source of another, such as a part of it.
 using WrapSource = std::function<std::unique_ptr<PointSource>(std::unique_ptr<PointSource>)>;
 
-/// Opens one plain file, or several as one cloud: the finest scale, the union of attributes.
-/// wrap    what to take of each file; none: all of it
-/// throws  Error, naming the file and the place
-std::unique_ptr<PointSource> open_points(std::span<const std::string> paths, const WrapSource& wrap = {});
+/// How files of points are opened.
+struct OpenSettings {
+    WrapSource wrap;       // what to make of each file; none: all of it
+    NodeChoice nodes;      // of level-of-detail sets; only their nodes have levels
+    bool salvage = false;  // damaged files give what can be read of them: `wrap` gets a SalvagedSource of each
+    int threads = 1;       // to salvage with
+};
+
+/// Opens one file or level-of-detail set, or several as one cloud: the finest scale, the union of attributes.
+/// throws  Error, naming the file and the place; Error{usage}: a deepest level for a file without levels
+std::unique_ptr<PointSource> open_points(std::span<const std::string> paths, const OpenSettings& settings = {});
 
 /// Opens a level-of-detail data set.
 std::unique_ptr<LayeredCloud> open_layered(const std::string& path);

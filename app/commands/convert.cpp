@@ -6,14 +6,17 @@
 #include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "app/commands/commands.h"
 #include "app/commands/convert_output.h"
 #include "app/commands/spared_inputs.h"
 #include "app/cut_options.h"
 #include "app/quantity_text.h"
+#include "core/cloud/salvaged_source.h"
 #include "core/cloud/selected_source.h"
 #include "core/error.h"
+#include "core/octree/octree_frame.h"
 #include "io/crs/crs_text.h"
 #include "io/crs/reprojected_source.h"
 #include "io/format.h"
@@ -29,6 +32,8 @@ constexpr OptionRow kRows[] = {
     {"--bounds", "-b", "BOX", "", "only the points in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units; a number left out is no limit; several with ';'"},
     {"--classes", "-c", "LIST", "", "only the points of these classes: 2,6 or 3:5"},
     {"--every", "", "N", "1", "only every N-th point, of those that the others leave"},
+    {"--level", "", "N", "", "of level-of-detail sets (COPC, Potree): only the nodes down to level N; the root's is 0"},
+    {"--salvage", "", "", "", "read what can be read of damaged LAS and LAZ files: damage costs the part that it lies in, and notes say which"},
     {"--in-crs", "", "CRS", "", "the coordinate reference system that the files are in, where they do not say or say wrong: EPSG:n, EPSG:n+m with heights, WKT or a PROJ string"},
     {"--out-crs", "", "CRS", "", "transform the points to this coordinate reference system; --bounds is in the coordinates of the input, --viewpoint in those of the output"},
     {"--normals", "", "[K]", "16", "compute normals from the K nearest points (3 to 256), as NormalX, NormalY, NormalZ"},
@@ -47,6 +52,7 @@ struct WantedPoints {
     std::vector<ClipBox> bounds;
     std::vector<FilterTerm> classes;
     uint64_t every = 1;
+    std::optional<uint32_t> deepest_level;
 };
 
 WantedPoints wanted_points(const Options& options) {
@@ -54,6 +60,7 @@ WantedPoints wanted_points(const Options& options) {
     if (options.given("--bounds")) wanted.bounds = parse_clip_boxes("--bounds", options.text("--bounds"), ClipBox::Action::keep);
     if (options.given("--classes")) wanted.classes = parse_filter("--classes", "class=" + options.text("--classes"));
     wanted.every = uint64_t(options.integer("--every", 1, INT64_MAX));
+    if (options.given("--level")) wanted.deepest_level = uint32_t(options.integer("--level", 0, kMaxLevel));
     return wanted;
 }
 
@@ -81,19 +88,29 @@ WantedSystems wanted_systems(const Options& options) {
     return {system_of("--in-crs"), system_of("--out-crs")};
 }
 
-std::unique_ptr<PointSource> open_wanted(std::span<const std::string> inputs, const WantedPoints& wanted, const WantedSystems& systems, int threads) {
+struct Opened {
+    std::unique_ptr<PointSource> source;
+    uint64_t lost_points = 0;  // that damaged files state and do not have
+};
+
+Opened open_wanted(std::span<const std::string> inputs, const WantedPoints& wanted, const WantedSystems& systems, bool salvage, int threads) {
     size_t file = 0;
-    CrsWays ways;
-    WantedPoints of_file = {wanted.bounds, wanted.classes, 1}, of_all = wanted;
-    if (!systems.out.empty()) of_all = {{}, {}, wanted.every};
+    Opened opened;
+    WantedPoints of_file = wanted, of_all = wanted;
+    of_file.every = 1;
+    if (!systems.out.empty()) of_all = {.bounds = {}, .classes = {}, .every = wanted.every, .deepest_level = {}};
     // Each file is brought to the new system by itself, so that files may be in several; boxes are in its own.
     const auto in_system = [&](std::unique_ptr<PointSource> source) {
         const std::string& name = inputs[file++];
+        if (const auto* const salvaged = dynamic_cast<const SalvagedSource*>(source.get())) opened.lost_points += salvaged->lost_points();
         if (!systems.in.empty()) source = with_crs(std::move(source), systems.in);
         if (systems.out.empty()) return source;
-        return reproject_points(select_points(std::move(source), of_file, threads), systems.out, name, threads, ways);
+        return reproject_points(select_points(std::move(source), of_file, threads), systems.out, name, threads);
     };
-    return select_points(open_points(inputs, in_system), of_all, threads);
+    OpenSettings settings = {.wrap = in_system, .nodes = {.clips = wanted.bounds}, .salvage = salvage, .threads = threads};
+    if (wanted.deepest_level) settings.nodes.deepest_level = *wanted.deepest_level;
+    opened.source = select_points(open_points(inputs, settings), of_all, threads);
+    return opened;
 }
 
 uint64_t peak_memory_bytes() {
@@ -138,7 +155,8 @@ int run(const Options& options) {
     const std::vector<std::string> inputs = point_files(std::span(options.positional).first(options.positional.size() - 1));
     check_inputs_spared(request.output, inputs);
     const std::unique_ptr<ConvertOutput> output = kind.make(request, options);
-    const std::unique_ptr<PointSource> source = open_wanted(inputs, wanted, systems, request.threads);
+    const Opened opened = open_wanted(inputs, wanted, systems, options.given("--salvage"), request.threads);
+    const std::unique_ptr<PointSource>& source = opened.source;
     for (const std::string& note : source->info().notes)
         if (!request.quiet) std::fprintf(stderr, "note: %s\n", note.c_str());
 
@@ -156,7 +174,7 @@ int run(const Options& options) {
     if (options.given("--json")) {
         nlohmann::ordered_json json = {{"points_read", report.points_read},
                                        {"points_written", report.points_written},
-                                       {"points_dropped", report.points_read - report.points_written}};
+                                       {"points_dropped", report.points_read - report.points_written + opened.lost_points}};
         json.update(more);
         json.update({{"seconds", seconds},
                      {"peak_memory_bytes", peak_memory_bytes()},
@@ -169,6 +187,7 @@ int run(const Options& options) {
         std::fprintf(stderr, "%s: %s points%s%s, %s, %.1f s", request.output.c_str(), with_commas(report.points_written).c_str(),
                      report.shape.empty() ? "" : " ", report.shape.c_str(), size_text(report.output_bytes).c_str(), seconds);
         if (seconds >= 0.5) std::fprintf(stderr, " (%.1f M points/s)", double(report.points_written) / seconds / 1e6);
+        if (opened.lost_points > 0) std::fprintf(stderr, "; %s points are lost", with_commas(opened.lost_points).c_str());
         std::fputc('\n', stderr);
     }
     return 0;

@@ -38,7 +38,7 @@ WrapSource preview_of(const Options& options, size_t files) {
 std::unique_ptr<LayeredCloud> open_cloud(const Options& options) {
     const std::vector<std::string> paths = point_files(options.positional);
     if (paths.size() == 1 && identify_format(paths[0]).kind == FormatKind::layered) return open_layered(paths[0]);
-    const std::unique_ptr<PointSource> source = open_points(paths, options.given("--preview") ? preview_of(options, paths.size()) : WrapSource());
+    const std::unique_ptr<PointSource> source = open_points(paths, {.wrap = options.given("--preview") ? preview_of(options, paths.size()) : WrapSource()});
     for (const std::string& note : source->info().notes)
         if (paths.size() > 1 && !options.given("--quiet")) std::fprintf(stderr, "note: %s\n", note.c_str());
     BuildSettings settings;

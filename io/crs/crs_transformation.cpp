@@ -90,10 +90,4 @@ CrsTransformation::Way CrsTransformation::way_at(const Vec3d& place) const {
     return way;
 }
 
-std::shared_ptr<const CrsTransformation> CrsWays::between(const std::string& from, const std::string& to) {
-    std::shared_ptr<const CrsTransformation>& way = ways_[{from, to}];
-    if (!way) way = std::make_shared<CrsTransformation>(from, to);
-    return way;
-}
-
 }  // namespace strata

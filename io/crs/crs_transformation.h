@@ -1,11 +1,9 @@
 #pragma once
 
-#include <map>
 #include <memory>
 #include <mutex>
 #include <span>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "core/math/vec.h"
@@ -42,16 +40,6 @@ private:
     // PROJ's objects serve one thread at a time: as many are made as threads ever meet here.
     mutable std::mutex mutex_;
     mutable std::vector<std::unique_ptr<Worker>> idle_;
-};
-
-/// The ways that several sources take: each is made once, as it costs milliseconds and holds PROJ's database open. For one thread.
-class CrsWays {
-public:
-    /// throws  as CrsTransformation does
-    std::shared_ptr<const CrsTransformation> between(const std::string& from, const std::string& to);
-
-private:
-    std::map<std::pair<std::string, std::string>, std::shared_ptr<const CrsTransformation>> ways_;
 };
 
 }  // namespace strata

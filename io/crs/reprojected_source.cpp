@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "io/crs/crs_text.h"
+#include "io/crs/crs_transformation.h"
 
 namespace strata {
 namespace {
@@ -63,7 +64,7 @@ struct Refused {
 
 class ReprojectedSource : public PointSource {
 public:
-    ReprojectedSource(std::unique_ptr<PointSource> source, std::shared_ptr<const CrsTransformation> way, const std::string& to, std::string name,
+    ReprojectedSource(std::unique_ptr<PointSource> source, std::unique_ptr<CrsTransformation> way, const std::string& to, std::string name,
                       int threads)
         : source_(std::move(source)), way_(std::move(way)), name_(std::move(name)), info_(source_->info()),
           from_(describe_crs(info_.crs).value_or(CrsDescription())), to_(describe_crs(to).value_or(CrsDescription())) {
@@ -228,7 +229,7 @@ private:
     }
 
     std::unique_ptr<PointSource> source_;
-    std::shared_ptr<const CrsTransformation> way_;
+    std::unique_ptr<CrsTransformation> way_;
     std::string name_;
     CloudInfo info_;
     CrsDescription from_, to_;
@@ -241,13 +242,13 @@ std::unique_ptr<PointSource> with_crs(std::unique_ptr<PointSource> source, const
     return std::make_unique<RenamedSource>(std::move(source), crs);
 }
 
-std::unique_ptr<PointSource> reproject_points(std::unique_ptr<PointSource> source, const std::string& to, const std::string& name, int threads, CrsWays& ways) {
+std::unique_ptr<PointSource> reproject_points(std::unique_ptr<PointSource> source, const std::string& to, const std::string& name, int threads) {
     const std::string from = source->info().crs;
     if (from.empty()) throw Error(ErrorKind::usage, name + ": the file does not say its coordinate reference system; --in-crs does");
     if (same_crs(from, to)) return with_crs(std::move(source), to);
-    std::shared_ptr<const CrsTransformation> way;
+    std::unique_ptr<CrsTransformation> way;
     try {
-        way = ways.between(from, to);
+        way = std::make_unique<CrsTransformation>(from, to);
     } catch (const Error& error) {
         throw error.within(name);
     }

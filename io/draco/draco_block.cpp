@@ -9,19 +9,34 @@
 
 #include "core/cloud/rgb_depth.h"
 #include "core/error.h"
-#include "core/math/morton.h"
-#include "io/draco/draco_columns.h"
+#include "io/draco/draco_encoder.h"
 #include "io/draco/draco_layout.h"
 
 namespace strata::drc {
 namespace {
 
+using namespace attribute_name;
+
 constexpr int kMostBits = 23;                   // of steps: Draco adds half a step in float32, which then is still exact
 constexpr double kMostFloatSteps = 1 << 24;     // from zero, that float32 holds exactly
-constexpr double kWorthSorting = 0.9;           // of the bits of positions, before the other columns are looked at in another order
 constexpr int64_t kMostIntegerSteps = 1 << 25;  // Draco counts how often each difference comes: 4 bytes a step
+constexpr int kMostComponents = 127;
 
-std::vector<std::byte> numbers(const Vec3d& v) { return bytes_of(std::array{v.x(), v.y(), v.z()}); }
+template <typename T>
+std::vector<std::byte> bytes_of(const T& value) {
+    std::vector<std::byte> bytes(sizeof value);
+    std::memcpy(bytes.data(), &value, sizeof value);
+    return bytes;
+}
+
+std::vector<std::byte> bytes_of(const std::string& text) {
+    std::vector<std::byte> bytes(text.size());
+    std::copy_n(reinterpret_cast<const std::byte*>(text.data()), text.size(), bytes.begin());
+    return bytes;
+}
+
+std::vector<std::byte> bytes_of(const Vec3d& v) { return bytes_of(std::array{v.x(), v.y(), v.z()}); }
+std::vector<std::byte> bytes_of(const Vec3i& v) { return bytes_of(std::array{v.x(), v.y(), v.z()}); }
 
 // The quanta of a batch, an axis each.
 std::array<const std::vector<int32_t>*, 3> axes_of(const PointBatch& points) { return {&points.x, &points.y, &points.z}; }
@@ -165,16 +180,154 @@ Entries metadata_of(const Places& places, const CloudInfo& info, const BlockFram
         if (!value.empty()) entries[std::string(key)] = std::move(value);
     };
     put(kLayout, bytes_of(int32_t{1}));
-    put(kScale, numbers(places.scale));
-    put(kOffset, numbers(zero));
-    put(kMin, numbers(places.bounds.min));
-    put(kMax, numbers(places.bounds.max));
-    put(kMaxError, numbers(max_error));
-    put(kGridScale, numbers(places.grid_scale));
-    put(kGridOffset, numbers(grid_offset));
-    put(kGridOrigin, bytes_of(std::array{grid_origin.x(), grid_origin.y(), grid_origin.z()}));
+    put(kScale, bytes_of(places.scale));
+    put(kOffset, bytes_of(zero));
+    put(kMin, bytes_of(places.bounds.min));
+    put(kMax, bytes_of(places.bounds.max));
+    put(kMaxError, bytes_of(max_error));
+    put(kGridScale, bytes_of(places.grid_scale));
+    put(kGridOffset, bytes_of(grid_offset));
+    put(kGridOrigin, bytes_of(grid_origin));
     put(kCrs, bytes_of(info.crs));
     return entries;
+}
+
+Entries described(const Attribute& attribute) {
+    Entries entries;
+    if (!attribute.name.empty()) entries[std::string(kName)] = bytes_of(attribute.name);
+    if (!attribute.description.empty()) entries[std::string(kDescription)] = bytes_of(attribute.description);
+    if (attribute.scale != 1.0) entries[std::string(kValueScale)] = bytes_of(attribute.scale);
+    if (attribute.offset != 0.0) entries[std::string(kValueOffset)] = bytes_of(attribute.offset);
+    if (!std::isnan(attribute.no_data)) entries[std::string(kNoData)] = bytes_of(attribute.no_data);
+    return entries;
+}
+
+uint32_t zigzag(int32_t value) { return uint32_t(value) << 1 ^ uint32_t(value >> 31); }
+
+// Bits that the values of a histogram take at least, by Shannon.
+double entropy_bits(const std::vector<uint32_t>& counts, size_t total) {
+    double bits = 0.0;
+    for (const uint32_t count : counts)
+        if (count > 0) bits -= count * std::log2(double(count) / double(total));
+    return bits;
+}
+
+// Whether integers of at most 16 bits take less as differences from the point before than as they are.
+template <typename T>
+bool is_better_as_delta(const std::vector<std::byte>& bytes, size_t components) {
+    const size_t count = bytes.size() / sizeof(T);
+    std::vector<uint32_t> plain(2 << (8 * sizeof(T))), delta(plain.size());
+    std::vector<int32_t> before(components, 0);
+    for (size_t i = 0; i < count; ++i) {
+        T value;
+        std::memcpy(&value, bytes.data() + i * sizeof value, sizeof value);
+        ++plain[zigzag(value)];
+        ++delta[zigzag(int32_t(value) - before[i % components])];
+        before[i % components] = value;
+    }
+    return entropy_bits(delta, count) < entropy_bits(plain, count);
+}
+
+bool is_better_as_delta(ScalarType type, const std::vector<std::byte>& values, int components) {
+    switch (type) {
+        case ScalarType::int8: return is_better_as_delta<int8_t>(values, size_t(components));
+        case ScalarType::uint8: return is_better_as_delta<uint8_t>(values, size_t(components));
+        case ScalarType::int16: return is_better_as_delta<int16_t>(values, size_t(components));
+        case ScalarType::uint16: return is_better_as_delta<uint16_t>(values, size_t(components));
+        default: return true;
+    }
+}
+
+// Draco codes integers as int32, and counts how often each comes: those that lie close together go as they are.
+bool is_narrow(ScalarType type, const std::vector<std::byte>& values) {
+    double low = 0.0, high = 0.0;
+    for (size_t at = 0; at < values.size(); at += scalar_size(type)) {
+        const double value = load_scalar(type, values.data() + at);
+        low = at == 0 ? value : std::min(low, value);
+        high = at == 0 ? value : std::max(high, value);
+    }
+    return high <= std::numeric_limits<int32_t>::max() && high - low < 1 << 20;
+}
+
+// Differences from point to point of the bits of wide scalars, in words of 16 bits; draco_layout.h says how.
+template <typename Unsigned>
+void add_words(const Attribute& attribute, const std::vector<std::byte>& values, std::vector<EncoderColumn>& columns) {
+    constexpr size_t kWords = sizeof(Unsigned) / 2;
+    const size_t count = values.size() / sizeof(Unsigned), components = size_t(attribute.components), first = columns.size();
+    for (size_t word = 0; word < kWords; ++word) {
+        EncoderColumn column{.header = {.kind = AttributeKind::generic, .type = ScalarType::uint16, .components = attribute.components}};
+        column.metadata = described(attribute);
+        column.metadata[std::string(kType)] = bytes_of(std::string(scalar_name(attribute.type)));
+        column.metadata[std::string(kWord)] = bytes_of(int32_t(word));
+        column.values.resize(count * 2);
+        columns.push_back(std::move(column));
+    }
+    std::vector<Unsigned> before(components, 0);
+    for (size_t i = 0; i < count; ++i) {
+        Unsigned bits;
+        std::memcpy(&bits, values.data() + i * sizeof bits, sizeof bits);
+        const Unsigned difference = bits - before[i % components], sign = Unsigned(0) - (difference >> (8 * sizeof bits - 1));
+        before[i % components] = bits;
+        const Unsigned coded = Unsigned(difference << 1) ^ sign;
+        for (size_t word = 0; word < kWords; ++word) {
+            const uint16_t part = uint16_t(coded >> (16 * word));
+            std::memcpy(columns[first + word].values.data() + 2 * i, &part, sizeof part);
+        }
+    }
+}
+
+void add_column(AttributeHeader header, const Attribute& attribute, std::vector<std::byte> values, std::vector<EncoderColumn>& columns) {
+    EncoderColumn column{.header = header, .values = std::move(values)};
+    column.delta = is_better_as_delta(header.type, column.values, header.components);
+    if (header.kind == AttributeKind::generic) column.metadata = described(attribute);
+    columns.push_back(std::move(column));
+}
+
+void add_color(const Attribute& attribute, const std::vector<std::byte>& values, int bits, std::vector<EncoderColumn>& columns) {
+    AttributeHeader header{.kind = AttributeKind::color, .type = ScalarType::uint16, .components = 3, .normalized = true};
+    if (bits > 8) return add_column(header, attribute, values, columns);
+    header.type = ScalarType::uint8;
+    std::vector<std::byte> low(values.size() / 2);
+    for (size_t i = 0; i < low.size(); ++i) low[i] = values[2 * i];  // the lower byte comes first
+    add_column(header, attribute, std::move(low), columns);
+}
+
+bool is_color(const Attribute& attribute) {
+    return attribute.name == kRgb && attribute.type == ScalarType::uint16 && attribute.components == 3;
+}
+
+bool is_one_float(const std::vector<Attribute>& attributes, std::string_view name) {
+    const int index = find_attribute(attributes, name);
+    return index >= 0 && attributes[size_t(index)].type == ScalarType::float32 && attributes[size_t(index)].components == 1;
+}
+
+bool has_normals(const std::vector<Attribute>& attributes) {
+    return std::all_of(std::begin(kNormal), std::end(kNormal), [&](std::string_view name) { return is_one_float(attributes, name); });
+}
+
+bool is_normal_component(const Attribute& attribute) { return std::find(std::begin(kNormal), std::end(kNormal), attribute.name) != std::end(kNormal); }
+
+void add_normals(const PointBatch& points, const std::vector<Attribute>& attributes, std::vector<EncoderColumn>& columns) {
+    EncoderColumn column{.header = {.kind = AttributeKind::normal, .type = ScalarType::float32, .components = 3}};
+    column.values.resize(points.size * 3 * sizeof(float));
+    for (size_t axis = 0; axis < 3; ++axis) {
+        const std::vector<std::byte>& from = points.columns[size_t(find_attribute(attributes, kNormal[axis]))];
+        for (size_t i = 0; i < points.size; ++i) std::memcpy(column.values.data() + (3 * i + axis) * sizeof(float), from.data() + i * sizeof(float), sizeof(float));
+    }
+    columns.push_back(std::move(column));
+}
+
+void add_attribute(const Attribute& attribute, const std::vector<std::byte>& values, std::vector<EncoderColumn>& columns) {
+    if (attribute.components > kMostComponents)
+        throw Error(ErrorKind::unsupported, "attribute '" + attribute.name + "' has " + std::to_string(attribute.components) + " components, Draco holds " + std::to_string(kMostComponents));
+    const size_t size = scalar_size(attribute.type);
+    const bool plain = size <= 2 || attribute.type == ScalarType::float32 || (size == 4 && is_narrow(attribute.type, values));
+    if (plain)
+        add_column({.kind = AttributeKind::generic, .type = attribute.type, .components = attribute.components}, attribute, values, columns);
+    else if (size == 4)
+        add_words<uint32_t>(attribute, values, columns);
+    else
+        add_words<uint64_t>(attribute, values, columns);
 }
 
 // Decodes what was encoded: other columns as they were, positions as far off as they are, which is returned.
@@ -202,53 +355,6 @@ double check_block(const std::vector<std::byte>& bytes, const std::vector<Encode
     return worst;
 }
 
-// A block ready for the encoder.
-struct Prepared {
-    Places places;
-    ColumnSet set;
-};
-
-Prepared prepare(const PointBatch& points, const CloudInfo& info, const BlockFrame& frame, const QuantaRange& range, const Vec3d& max_error) {
-    Prepared prepared;
-    if (!place_on_grid(points, frame, range, max_error, prepared.places)) place_on_quanta(points, frame, range, max_error, prepared.places);
-    prepared.set.columns.push_back(std::move(prepared.places.column));
-    prepared.set.bits = position_bits(prepared.set.columns.front(), {});
-    add_attributes(points, info.attributes, frame.rgb_bits, prepared.set);
-    return prepared;
-}
-
-// The points along a curve through their box, so that each lies near the one before it.
-std::vector<uint32_t> morton_order(const PointBatch& points, const QuantaRange& range) {
-    int shift = 0;  // 21 bits an axis go into a code
-    for (size_t axis = 0; axis < 3; ++axis) shift = std::max(shift, int(std::bit_width(uint32_t(int64_t(range.max[axis]) - range.min[axis]))) - 21);
-    std::vector<std::pair<uint64_t, uint32_t>> codes(points.size);
-    const auto cell = [&](size_t axis, size_t i) { return uint32_t(int64_t((*axes_of(points)[axis])[i]) - range.min[axis]) >> shift; };
-    for (size_t i = 0; i < points.size; ++i) codes[i] = {octant_code(cell(0, i), cell(1, i), cell(2, i)), uint32_t(i)};
-    std::sort(codes.begin(), codes.end());
-    std::vector<uint32_t> order(points.size);
-    for (size_t i = 0; i < points.size; ++i) order[i] = codes[i].second;
-    return order;
-}
-
-PointBatch in_order(const PointBatch& points, const std::vector<uint32_t>& order, const std::vector<Attribute>& attributes) {
-    PointBatch sorted;
-    sorted.size = points.size;
-    sorted.columns.resize(points.columns.size());
-    const auto take = [&](const std::vector<int32_t>& from, std::vector<int32_t>& to) {
-        to.resize(order.size());
-        for (size_t i = 0; i < order.size(); ++i) to[i] = from[order[i]];
-    };
-    take(points.x, sorted.x);
-    take(points.y, sorted.y);
-    take(points.z, sorted.z);
-    for (size_t a = 0; a < points.columns.size(); ++a) {
-        const size_t size = attributes[a].size_bytes();
-        sorted.columns[a].resize(points.columns[a].size());
-        for (size_t i = 0; i < order.size(); ++i) std::memcpy(sorted.columns[a].data() + i * size, points.columns[a].data() + order[i] * size, size);
-    }
-    return sorted;
-}
-
 }  // namespace
 
 BlockFrame block_frame(const PointSource& source, double max_error, int threads) {
@@ -265,24 +371,40 @@ BlockFrame block_frame(const PointSource& source, double max_error, int threads)
 }
 
 EncodedBlock encode_block(const PointBatch& points, const CloudInfo& info, const BlockFrame& frame) {
+    Places places;
     const QuantaRange range = range_of(points);
     const Vec3d max_error = error_of(frame, range);
-    Prepared best = prepare(points, info, frame, range, max_error);
-    PointBatch sorted;
-    const std::vector<uint32_t> order = morton_order(points, range);
-    if (position_bits(best.set.columns.front(), order) < kWorthSorting * position_bits(best.set.columns.front(), {})) {
-        sorted = in_order(points, order, info.attributes);
-        Prepared other = prepare(sorted, info, frame, range, max_error);
-        if (other.set.bits < best.set.bits)
-            best = std::move(other);
-        else
-            sorted = {};
+    if (!place_on_grid(points, frame, range, max_error, places)) place_on_quanta(points, frame, range, max_error, places);
+    std::vector<EncoderColumn> columns;
+    columns.push_back(std::move(places.column));
+    const bool normals = has_normals(info.attributes);
+    for (size_t i = 0; i < info.attributes.size(); ++i) {
+        const Attribute& attribute = info.attributes[i];
+        if (is_color(attribute))
+            add_color(attribute, points.columns[i], frame.rgb_bits, columns);
+        else if (normals && is_normal_component(attribute)) {
+            if (attribute.name == kNormal[0]) add_normals(points, info.attributes, columns);
+        } else
+            add_attribute(attribute, points.columns[i], columns);
     }
     EncodedBlock block;
-    block.bytes = encode(uint32_t(points.size), best.set.columns, metadata_of(best.places, info, frame, max_error));
-    block.worst_error = check_block(block.bytes, best.set.columns, sorted.size > 0 ? sorted : points, frame, best.places);
-    block.exact = best.places.exact;
+    block.bytes = encode(uint32_t(points.size), columns, metadata_of(places, info, frame, max_error));
+    block.worst_error = check_block(block.bytes, columns, points, frame, places);
+    block.exact = places.exact;
     return block;
+}
+
+uint64_t encoding_bytes(uint64_t points, const std::vector<Attribute>& attributes) {
+    std::vector<AttributeHeader> headers = {{.kind = AttributeKind::position, .type = ScalarType::float32, .components = 3}};
+    uint64_t record = 12;
+    for (const Attribute& attribute : attributes) {
+        record += attribute.size_bytes();
+        const size_t words = scalar_size(attribute.type) > 2 && attribute.type != ScalarType::float32 ? scalar_size(attribute.type) / 2 : 1;
+        for (size_t word = 0; word < words; ++word)
+            headers.push_back({.type = words > 1 ? ScalarType::uint16 : attribute.type, .components = attribute.components});
+    }
+    // The columns, the encoder's copy of them, and what decoding takes to check them.
+    return points > UINT32_MAX ? UINT64_MAX : 2 * points * record + decoding_bytes(points, headers);
 }
 
 }  // namespace strata::drc

@@ -27,8 +27,10 @@ struct EncodedBlock {
 };
 
 /// Encodes points with all their attributes (each column must be there), and decodes them again to see what came of it.
-/// They keep their order, unless along a space-filling curve they take less.
 /// throws  Error{limit}: the points span more steps of the error than can be compressed; Error{unsupported}: an attribute
 EncodedBlock encode_block(const PointBatch& points, const CloudInfo& info, const BlockFrame& frame);
+
+/// Memory that encode_block takes at most for so many points, besides what it is given.
+uint64_t encoding_bytes(uint64_t points, const std::vector<Attribute>& attributes);
 
 }  // namespace strata::drc

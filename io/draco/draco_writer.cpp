@@ -11,7 +11,6 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "io/draco/draco_block.h"
-#include "io/draco/draco_columns.h"
 #include "io/draco/draco_header.h"
 #include "io/draco/draco_source.h"
 #include "io/output_folder.h"

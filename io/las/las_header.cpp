@@ -115,12 +115,15 @@ RawHeader parse_header(ByteReader& reader, uint64_t file_size, Header& header) {
     return raw;
 }
 
-void check_point_data(const Header& header, const std::string& name, uint64_t file_size) {
+void check_point_data(Header& header, const std::string& name, uint64_t file_size, Damage damage) {
     const uint64_t room = (file_size - header.point_offset) / header.record_size;
-    if (header.points > room)
-        throw Error(ErrorKind::malformed, name + ": point data: byte " + std::to_string(header.point_offset) + ": the header counts " +
-                                              std::to_string(header.points) + " points of " + std::to_string(header.record_size) +
-                                              " bytes, the file holds " + std::to_string(room));
+    if (header.points <= room) return;
+    const Error error(ErrorKind::malformed, name + ": point data: byte " + std::to_string(header.point_offset) + ": the header counts " +
+                                                std::to_string(header.points) + " points of " + std::to_string(header.record_size) +
+                                                " bytes, the file holds " + std::to_string(room));
+    if (damage == Damage::refuse) throw error;
+    header.points = room;
+    header.notes.push_back(error.what());
 }
 
 // Appends `count` records that lie one after the other in [begin, end).
@@ -150,9 +153,21 @@ void list_records(const ByteSource& source, uint64_t begin, uint64_t end, uint64
     }
 }
 
+void list_extended_records(const ByteSource& source, const RawHeader& raw, Header& header) {
+    const uint64_t file_size = source.size();
+    const uint64_t least_offset = header.compressed ? header.point_offset : header.point_offset + header.points * header.record_size;
+    if (raw.evlr_offset < least_offset || raw.evlr_offset > file_size ||
+        raw.evlr_count > (file_size - raw.evlr_offset) / kEvlrHeaderBytes)
+        throw Error(ErrorKind::malformed, source.name() + ": header: byte 235: " + std::to_string(raw.evlr_count) +
+                                              " extended variable length records at byte " + std::to_string(raw.evlr_offset) +
+                                              ", they must lie between the end of the point data at " + std::to_string(least_offset) +
+                                              " and the end of the file at " + std::to_string(file_size));
+    list_records(source, raw.evlr_offset, file_size, raw.evlr_count, true, header.records);
+}
+
 }  // namespace
 
-Header read_header(const ByteSource& source) {
+Header read_header(const ByteSource& source, Damage damage) {
     const std::string& name = source.name();
     const uint64_t file_size = source.size();
     std::array<std::byte, header_bytes(4)> bytes{};
@@ -172,17 +187,15 @@ Header read_header(const ByteSource& source) {
     list_records(source, raw.header_size, header.point_offset, raw.record_count, false, header.records);
     header.compressed |= std::any_of(header.records.begin(), header.records.end(),
                                      [](const VariableRecord& record) { return record.is("laszip encoded", 22204); });
-    if (!header.compressed) check_point_data(header, name, file_size);
+    header.stated_points = header.points;
+    if (!header.compressed) check_point_data(header, name, file_size, damage);
     if (raw.evlr_count == 0) return header;
-
-    const uint64_t least_offset = header.compressed ? header.point_offset : header.point_offset + header.points * header.record_size;
-    if (raw.evlr_offset < least_offset || raw.evlr_offset > file_size ||
-        raw.evlr_count > (file_size - raw.evlr_offset) / kEvlrHeaderBytes)
-        throw Error(ErrorKind::malformed, name + ": header: byte 235: " + std::to_string(raw.evlr_count) +
-                                              " extended variable length records at byte " + std::to_string(raw.evlr_offset) +
-                                              ", they must lie between the end of the point data at " + std::to_string(least_offset) +
-                                              " and the end of the file at " + std::to_string(file_size));
-    list_records(source, raw.evlr_offset, file_size, raw.evlr_count, true, header.records);
+    try {
+        list_extended_records(source, raw, header);
+    } catch (const Error& error) {
+        if (error.kind != ErrorKind::malformed || damage == Damage::refuse) throw;
+        header.notes.push_back(error.what());
+    }
     return header;
 }
 

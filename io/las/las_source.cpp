@@ -12,8 +12,8 @@ namespace {
 // Bytes of one read: few calls, and the records are still in the second-level cache when they are decoded.
 constexpr size_t kReadBytes = 256 * 1024;
 
-las::Header read_uncompressed_header(const ByteSource& bytes) {
-    las::Header header = las::read_header(bytes);
+las::Header read_uncompressed_header(const ByteSource& bytes, las::Damage damage) {
+    las::Header header = las::read_header(bytes, damage);
     if (header.compressed)
         throw Error(ErrorKind::unsupported, bytes.name() + ": compressed (LAZ): uncompressed LAS is expected");
     return header;
@@ -21,9 +21,9 @@ las::Header read_uncompressed_header(const ByteSource& bytes) {
 
 }  // namespace
 
-LasSource::LasSource(std::unique_ptr<ByteSource> bytes)
+LasSource::LasSource(std::unique_ptr<ByteSource> bytes, las::Damage damage)
     : bytes_(std::move(bytes)),
-      header_(read_uncompressed_header(*bytes_)),
+      header_(read_uncompressed_header(*bytes_, damage)),
       notes_(header_.notes),
       columns_(header_.point_format, header_.record_size, las::read_extra_bytes(*bytes_, header_, notes_)) {
     info_ = las::cloud_info(*bytes_, header_, columns_, "las", std::move(notes_));

@@ -15,7 +15,7 @@ public:
     static constexpr uint64_t kBatchPoints = 65536;
 
     /// throws  Error{malformed, unsupported, io}: file, place, expectation
-    explicit LasSource(std::unique_ptr<ByteSource> bytes);
+    explicit LasSource(std::unique_ptr<ByteSource> bytes, las::Damage damage = las::Damage::refuse);
 
     const CloudInfo& info() const override { return info_; }
     const las::Header& header() const { return header_; }

@@ -151,4 +151,24 @@ LazChunks read_laz_chunks(const ByteSource& source, const Header& header, const 
     return {reader.untabled(reader.begin, std::max<uint64_t>(laz.chunk_points, 1)), true};
 }
 
+LazChunks salvage_laz_chunks(const ByteSource& source, const Header& header, const LazHeader& laz, std::vector<std::string>& notes) {
+    try {
+        return read_laz_chunks(source, header, laz);
+    } catch (const Error& error) {
+        if (error.kind != ErrorKind::malformed || (laz.chunked && laz.chunk_points == 0)) throw;
+        notes.push_back(error.what());
+    }
+    const uint64_t begin = std::min(header.point_offset + (laz.chunked ? kPointerBytes : 0), source.size()), size = source.size() - begin;
+    const uint64_t chunk_points = laz.chunked ? laz.chunk_points : std::max<uint64_t>(header.points, 1);
+    LazChunks found{.chunks = {}, .sequential = true};
+    uint64_t points_left = header.points;
+    // Each chunk has a raw point at least: no more are listed than that leaves room for.
+    for (uint64_t c = 0; c < size / header.record_size && points_left > 0; ++c) {
+        const uint64_t points = std::min(chunk_points, points_left);
+        found.chunks.push_back({begin, size, points, true});
+        points_left -= points;
+    }
+    return found;
+}
+
 }  // namespace strata::las

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "io/byte_source.h"
@@ -25,5 +26,10 @@ struct LazChunks {
 /// file, and none has more points than its bytes can hold.
 /// throws  Error{malformed, io}: file, place, expectation
 LazChunks read_laz_chunks(const ByteSource& source, const Header& header, const LazHeader& laz);
+
+/// Of a file whose table is damaged or cut off: chunks of a fixed number of points, found one behind the other as far as the file
+/// goes, with a line in `notes`. They may have fewer points together than the header says, and the last of them may not be there.
+/// throws  as above: chunks of varying size cannot be found so
+LazChunks salvage_laz_chunks(const ByteSource& source, const Header& header, const LazHeader& laz, std::vector<std::string>& notes);
 
 }  // namespace strata::las

@@ -20,8 +20,8 @@ constexpr size_t kTileBytes = 128 * 1024;       // of records, on their way from
 // Threads take parts of a chunk nearly in order; a few places to go on from let none begin anew.
 constexpr size_t kKeptLanes = 8;
 
-las::Header read_compressed_header(const ByteSource& bytes) {
-    las::Header header = las::read_header(bytes);
+las::Header read_compressed_header(const ByteSource& bytes, las::Damage damage) {
+    las::Header header = las::read_header(bytes, damage);
     if (!header.compressed) throw Error(ErrorKind::unsupported, bytes.name() + ": not compressed: LAZ is expected");
     return header;
 }
@@ -99,23 +99,24 @@ private:
     std::unique_ptr<las::LazDecoder> decoder_;
 };
 
-LazSource::LazSource(std::unique_ptr<ByteSource> bytes)
+LazSource::LazSource(std::unique_ptr<ByteSource> bytes, las::Damage damage)
     : bytes_(std::move(bytes)),
-      header_(read_compressed_header(*bytes_)),
-      laz_(las::read_laz_header(*bytes_, header_)),
-      chunks_(las::read_laz_chunks(*bytes_, header_, laz_)),
+      header_(read_compressed_header(*bytes_, damage)),
       notes_(header_.notes),
+      laz_(las::read_laz_header(*bytes_, header_)),
+      chunks_(damage == las::Damage::salvage ? las::salvage_laz_chunks(*bytes_, header_, laz_, notes_)
+                                             : las::read_laz_chunks(*bytes_, header_, laz_)),
       columns_(header_.point_format, header_.record_size, las::read_extra_bytes(*bytes_, header_, notes_)) {
     info_ = las::cloud_info(*bytes_, header_, columns_, is_copc(header_) ? "copc 1.0, laz" : "laz", std::move(notes_));
-    plan_batches();
+    plan_batches(damage == las::Damage::salvage ? 0 : kJoinedPoints);  // damage shall cost its chunk alone
 }
 
 LazSource::~LazSource() = default;
 
-void LazSource::plan_batches() {
+void LazSource::plan_batches(uint64_t most_joined) {
     const std::vector<las::LazChunk>& chunks = chunks_.chunks;
     const uint64_t most = std::clamp<uint64_t>(kMostBatchBytes / header_.record_size, 1, kMostPoints), part = std::min(most, kPartPoints);
-    const uint64_t joined = std::min(most, kJoinedPoints);
+    const uint64_t joined = std::min(most, most_joined);
     for (size_t c = 0; c < chunks.size(); ++c) {
         const uint64_t points = chunks[c].points;
         if (!plans_.empty() && points <= joined && plans_.back().points <= joined - points) {
@@ -193,9 +194,9 @@ const las::Header* header_of(const PointSource& source) {
     return las ? &las->header() : nullptr;
 }
 
-std::unique_ptr<PointSource> open_las(std::unique_ptr<ByteSource> bytes) {
-    if (las::read_header(*bytes).compressed) return std::make_unique<LazSource>(std::move(bytes));
-    return std::make_unique<LasSource>(std::move(bytes));
+std::unique_ptr<PointSource> open_las(std::unique_ptr<ByteSource> bytes, las::Damage damage) {
+    if (las::read_header(*bytes, damage).compressed) return std::make_unique<LazSource>(std::move(bytes), damage);
+    return std::make_unique<LasSource>(std::move(bytes), damage);
 }
 
 }  // namespace strata

@@ -21,7 +21,7 @@ namespace strata {
 class LazSource : public PointSource {
 public:
     /// throws  Error{malformed, unsupported, io}: file, place, expectation
-    explicit LazSource(std::unique_ptr<ByteSource> bytes);
+    explicit LazSource(std::unique_ptr<ByteSource> bytes, las::Damage damage = las::Damage::refuse);
     ~LazSource() override;
 
     const CloudInfo& info() const override { return info_; }
@@ -53,7 +53,7 @@ private:
         std::unique_ptr<Walk> walk;
     };
 
-    void plan_batches();
+    void plan_batches(uint64_t most_joined);
     const Plan& plan_of(uint64_t index) const;
     Batch batch(uint64_t index) const;
     uint64_t first_reachable(uint64_t index) const;
@@ -64,9 +64,9 @@ private:
 
     std::unique_ptr<ByteSource> bytes_;
     las::Header header_;
+    std::vector<std::string> notes_;
     las::LazHeader laz_;
     las::LazChunks chunks_;
-    std::vector<std::string> notes_;
     las::Columns columns_;
     CloudInfo info_;
     std::vector<Plan> plans_;
@@ -80,6 +80,6 @@ private:
 const las::Header* header_of(const PointSource& source);
 
 /// Opens LAS or LAZ, whichever it is.
-std::unique_ptr<PointSource> open_las(std::unique_ptr<ByteSource> bytes);
+std::unique_ptr<PointSource> open_las(std::unique_ptr<ByteSource> bytes, las::Damage damage = las::Damage::refuse);
 
 }  // namespace strata

@@ -72,8 +72,7 @@ TEST_F(ConvertCrs, EveryPointComesToItsPlace) {
         const json report = converted({scan, out_, "--out-crs", system, "--overwrite"});
         EXPECT_EQ(report["points_written"], 10'000);
         EXPECT_GT(report["worst_rounding"], 0.0);
-        CrsWays ways;
-        const auto expected = reproject_points(open_points({&scan, 1}), system, scan, 1, ways);
+        const auto expected = reproject_points(open_points({&scan, 1}), system, scan, 1);
         const std::unique_ptr<LayeredCloud> cloud = open_layered(out_);
         EXPECT_EQ(cloud->info().crs, system);
         const auto wanted = places_of(*expected), found = places_of(LayeredPoints(*cloud));

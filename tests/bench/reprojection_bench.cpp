@@ -52,8 +52,7 @@ void reprojected_source(benchmark::State& state) {
     auto memory = std::make_unique<MemorySource>(scan());
     memory->changeable_info().crs = kFrom;
     memory->changeable_info().quantization.offset = {690'000.0, 5'330'000.0, 400.0};
-    CrsWays ways;
-    const auto source = reproject_points(std::move(memory), kTo[state.range(0)], "scan", 1, ways);
+    const auto source = reproject_points(std::move(memory), kTo[state.range(0)], "scan", 1);
     for (auto _ : state)
         parallel_blocks(int(state.range(1)), source->batch_count(), 1, [&](size_t begin, size_t end) {
             PointBatch batch;

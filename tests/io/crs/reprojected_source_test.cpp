@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
 #include <numbers>
 #include <random>
 
@@ -14,11 +13,6 @@
 
 namespace strata {
 namespace {
-
-std::unique_ptr<PointSource> reprojected(std::unique_ptr<PointSource> source, const std::string& to, const std::string& name, int threads) {
-    CrsWays ways;
-    return reproject_points(std::move(source), to, name, threads, ways);
-}
 
 std::unique_ptr<MemorySource> cloud_in(const std::string& crs, const Quantization& quantization, std::vector<Vec3i> quanta) {
     auto source = std::make_unique<MemorySource>(std::move(quanta));
@@ -40,7 +34,7 @@ std::vector<Vec3d> places_of(const PointSource& source) {
 
 // One place, transformed. The cloud's steps are 1e-5 m.
 Vec3d transformed(const std::string& from, const Quantization& quantization, const std::string& to, const Vec3i& quanta = Vec3i::Zero()) {
-    return places_of(*reprojected(cloud_in(from, quantization, {quanta}), to, "cloud", 1)).at(0);
+    return places_of(*reproject_points(cloud_in(from, quantization, {quanta}), to, "cloud", 1)).at(0);
 }
 
 // A scan of 400 m, in millimeters of UTM zone 32.
@@ -53,7 +47,7 @@ std::unique_ptr<MemorySource> utm_scan(const std::string& crs = "EPSG:32632", in
 
 TEST(ReprojectedSource, TheSameSystemKeepsItsIntegers) {
     const auto before = utm_scan();
-    const auto after = reprojected(utm_scan(), wkt1_of_crs("EPSG:32632"), "cloud", 2);
+    const auto after = reproject_points(utm_scan(), wkt1_of_crs("EPSG:32632"), "cloud", 2);
     EXPECT_EQ(test::points_of(*after).x, test::points_of(*before).x);
     EXPECT_EQ(test::points_of(*after).z, test::points_of(*before).z);
     EXPECT_TRUE(after->info().quantization == before->info().quantization);
@@ -109,9 +103,9 @@ TEST(ReprojectedSource, EastIsX) {
 TEST(ReprojectedSource, OutAndBackIsWithinOneQuantum) {
     for (const char* const there : {"EPSG:4326", "EPSG:4978", "EPSG:32633", "EPSG:3857", "EPSG:4979"}) {
         const auto before = utm_scan();
-        auto out = reprojected(utm_scan(), there, "cloud", 2);
+        auto out = reproject_points(utm_scan(), there, "cloud", 2);
         EXPECT_GT((out->info().bounds.min - places_of(*before).at(0)).norm(), 1000.0) << there;  // they are somewhere else
-        const auto back = reprojected(std::move(out), "EPSG:32632", "cloud", 2);
+        const auto back = reproject_points(std::move(out), "EPSG:32632", "cloud", 2);
         const std::vector<Vec3d> expected = places_of(*before), found = places_of(*back);
         ASSERT_EQ(expected.size(), found.size());
         double worst = 0.0;
@@ -121,11 +115,11 @@ TEST(ReprojectedSource, OutAndBackIsWithinOneQuantum) {
 }
 
 TEST(ReprojectedSource, StepsAreAsFineAsBefore) {
-    const auto degrees = reprojected(utm_scan(), "EPSG:4326", "cloud", 1);
+    const auto degrees = reproject_points(utm_scan(), "EPSG:4326", "cloud", 1);
     EXPECT_EQ(degrees->info().quantization.scale, Vec3d(1e-8, 1e-8, 0.001));
     EXPECT_EQ(degrees->info().quantization.offset, Vec3d(12.0, 48.0, 400.0));
     EXPECT_EQ(degrees->info().crs, "EPSG:4326");
-    const auto earth = reprojected(utm_scan(), "EPSG:4978", "cloud", 1);
+    const auto earth = reproject_points(utm_scan(), "EPSG:4978", "cloud", 1);
     EXPECT_EQ(earth->info().quantization.scale, Vec3d::Constant(0.001));
     for (int axis = 0; axis < 3; ++axis) EXPECT_EQ(std::fmod(earth->info().quantization.offset[axis], 1000.0), 0.0);
     EXPECT_EQ(earth->info().worst_rounding, 0.0005);
@@ -140,7 +134,7 @@ TEST(ReprojectedSource, StepsAreAsFineAsBefore) {
 // The definition of the zone in feet differs from that in meters by the foot alone: 3937 of them are 1200 m.
 TEST(ReprojectedSource, FeetBecomeMeters) {
     const Quantization feet = {Vec3d::Constant(0.01), Vec3d(6'000'000.0, 2'000'000.0, 0.0)};
-    const auto plane = reprojected(cloud_in("EPSG:2225", feet, {Vec3i(100, 200, 300)}), "EPSG:26941", "cloud", 1);
+    const auto plane = reproject_points(cloud_in("EPSG:2225", feet, {Vec3i(100, 200, 300)}), "EPSG:26941", "cloud", 1);
     const Vec3d place = places_of(*plane).at(0);
     EXPECT_NEAR(place.x(), 6'000'001.0 * 1200.0 / 3937.0, 0.0005 + 1e-4);  // the registry rounds the false easting to 0.1 mm
     EXPECT_NEAR(place.y(), 2'000'002.0 * 1200.0 / 3937.0, 0.0005 + 1e-4);
@@ -148,12 +142,12 @@ TEST(ReprojectedSource, FeetBecomeMeters) {
     EXPECT_EQ(plane->info().quantization.scale, Vec3d(0.001, 0.001, 0.01));
     ASSERT_EQ(plane->info().notes.size(), 1u);
     EXPECT_NE(plane->info().notes[0].find("heights stay the numbers"), std::string::npos);
-    const auto solid = reprojected(cloud_in("EPSG:2225+6360", feet, {Vec3i(100, 200, 300)}), "EPSG:26941+5703", "cloud", 1);
+    const auto solid = reproject_points(cloud_in("EPSG:2225+6360", feet, {Vec3i(100, 200, 300)}), "EPSG:26941+5703", "cloud", 1);
     EXPECT_NEAR(places_of(*solid).at(0).z(), 3.0 * 1200.0 / 3937.0, 0.0005 + 1e-9);
 }
 
 TEST(ReprojectedSource, AWiderScaleIsSaid) {
-    const auto world = reprojected(cloud_in("EPSG:4979", {Vec3d(1e-7, 1e-7, 1e-3), Vec3d::Zero()}, {Vec3i(0, 0, 0), Vec3i(1'800'000'000, 0, 0)}),
+    const auto world = reproject_points(cloud_in("EPSG:4979", {Vec3d(1e-7, 1e-7, 1e-3), Vec3d::Zero()}, {Vec3i(0, 0, 0), Vec3i(1'800'000'000, 0, 0)}),
                                         "EPSG:4978", "cloud", 1);
     EXPECT_EQ(world->info().quantization.scale, Vec3d(0.01, 0.001, 0.001));
     ASSERT_EQ(world->info().notes.size(), 1u);
@@ -162,7 +156,7 @@ TEST(ReprojectedSource, AWiderScaleIsSaid) {
 }
 
 TEST(ReprojectedSource, ThreadsDoNotShow) {
-    const auto one = reprojected(utm_scan(), "EPSG:4978", "cloud", 1), four = reprojected(utm_scan(), "EPSG:4978", "cloud", 4);
+    const auto one = reproject_points(utm_scan(), "EPSG:4978", "cloud", 1), four = reproject_points(utm_scan(), "EPSG:4978", "cloud", 4);
     EXPECT_TRUE(one->info().quantization == four->info().quantization);
     const PointBatch a = test::points_of(*one), b = test::points_of(*four);
     EXPECT_EQ(a.x, b.x);
@@ -173,7 +167,7 @@ TEST(ReprojectedSource, ThreadsDoNotShow) {
 
 std::string refusal(std::unique_ptr<PointSource> source, const std::string& to, ErrorKind kind) {
     try {
-        (void)reprojected(std::move(source), to, "scan.las", 2);
+        (void)reproject_points(std::move(source), to, "scan.las", 2);
     } catch (const Error& error) {
         EXPECT_EQ(error.kind, kind) << error.what();
         return error.what();
@@ -204,37 +198,22 @@ TEST(ReprojectedSource, WhatHasNoWayIsRefused) {
 }
 
 TEST(ReprojectedSource, WhatIsRoughIsSaid) {
-    const auto unknown = reprojected(utm_scan("+proj=utm +zone=32 +ellps=bessel", 10), "EPSG:4326", "cloud", 1);
+    const auto unknown = reproject_points(utm_scan("+proj=utm +zone=32 +ellps=bessel", 10), "EPSG:4326", "cloud", 1);
     ASSERT_EQ(unknown->info().notes.size(), 1u);
     EXPECT_NE(unknown->info().notes[0].find("is not known: they are taken for one"), std::string::npos) << unknown->info().notes[0];
-    const auto heights = reprojected(utm_scan("EPSG:32632", 10), "EPSG:4978", "cloud", 1);
+    const auto heights = reproject_points(utm_scan("EPSG:32632", 10), "EPSG:4978", "cloud", 1);
     ASSERT_EQ(heights->info().notes.size(), 1u);
     EXPECT_EQ(heights->info().notes[0], "WGS 84 / UTM zone 32N says nothing of heights: they are taken for meters above the ellipsoid, unless --in-crs says more");
 }
 
-// A thousand tiles may be open at once: they share PROJ's objects, and with them its open database.
-TEST(ReprojectedSource, SourcesOfOneSystemShareItsWay) {
-    const auto open_files = [] {
-        const std::filesystem::directory_iterator files("/proc/self/fd");
-        return std::distance(begin(files), end(files));
-    };
-    CrsWays ways;
-    std::vector<std::unique_ptr<PointSource>> sources;
-    sources.push_back(reproject_points(utm_scan("EPSG:32632", 10), "EPSG:4326", "cloud", 1, ways));
-    const auto before = open_files();
-    for (int i = 0; i < 20; ++i) sources.push_back(reproject_points(utm_scan("EPSG:32632", 10), "EPSG:4326", "cloud", 1, ways));
-    EXPECT_EQ(open_files(), before);
-    EXPECT_EQ(places_of(*sources.front()), places_of(*sources.back()));
-}
-
 TEST(ReprojectedSource, NoPointsHaveNoBounds) {
-    const auto none = reprojected(cloud_in("EPSG:32632", {}, {}), "EPSG:4326", "cloud", 2);
+    const auto none = reproject_points(cloud_in("EPSG:32632", {}, {}), "EPSG:4326", "cloud", 2);
     EXPECT_TRUE(none->info().bounds.empty());
     EXPECT_EQ(none->info().quantization.scale.x(), 1e-8);
 }
 
 TEST(ReprojectedSource, AProjStringIsKeptAsWkt) {
-    const auto there = reprojected(utm_scan("EPSG:32632", 10), "+proj=utm +zone=33 +datum=WGS84", "cloud", 1);
+    const auto there = reproject_points(utm_scan("EPSG:32632", 10), "+proj=utm +zone=33 +datum=WGS84", "cloud", 1);
     EXPECT_TRUE(there->info().crs.starts_with("PROJCS[")) << there->info().crs;
     EXPECT_TRUE(same_crs(there->info().crs, "EPSG:32633"));
 }
