@@ -13,18 +13,18 @@ constexpr size_t kWindowBytes = 1 << 20;  // a usual chunk is one window
 
 }  // namespace
 
-void ByteWindow::open(const ByteSource& source, uint64_t begin, uint64_t end, size_t margin) {
+void ByteWindow::open(const ByteSource& source, uint64_t begin, uint64_t end, size_t margin, uint64_t first) {
     source_ = &source;
     offset_ = begin;
     end_ = end;
     margin_ = margin;
-    fill(0);
+    fill(0, first);
 }
 
 // Reads on behind the `kept` bytes at the buffer's front.
-void ByteWindow::fill(size_t kept) {
+void ByteWindow::fill(size_t kept, uint64_t most) {
     const uint64_t left = end_ - offset_ - kept;
-    const size_t count = size_t(std::min<uint64_t>(left, std::max(kWindowBytes, 2 * margin_)));
+    const size_t count = size_t(std::min<uint64_t>(left, std::max<uint64_t>(std::min<uint64_t>(kWindowBytes, most), 2 * margin_)));
     bytes_.resize(kept + count + margin_);
     source_->read(offset_ + kept, std::span(bytes_).subspan(kept, count));
     const bool last = count == left;
@@ -38,7 +38,7 @@ const std::byte* ByteWindow::advance(const std::byte* next) {
     const size_t kept = size_t(std::min<uint64_t>(bytes_.size() - margin_, end_ - offset_)) - done;
     std::memmove(bytes_.data(), next, kept);
     offset_ += done;
-    fill(kept);
+    fill(kept, kWindowBytes);
     return bytes_.data();
 }
 

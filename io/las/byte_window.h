@@ -12,7 +12,8 @@ namespace strata::las {
 /// `margin` bytes between two looks at limit(); behind the end of the range it finds zeros there.
 class ByteWindow {
 public:
-    void open(const ByteSource& source, uint64_t begin, uint64_t end, size_t margin);
+    /// first  bytes that the first look is likely to take; more are read as they are needed
+    void open(const ByteSource& source, uint64_t begin, uint64_t end, size_t margin, uint64_t first = UINT64_MAX);
 
     const std::byte* begin() const { return bytes_.data(); }
     /// A reader beyond it must call advance.
@@ -27,7 +28,7 @@ public:
     uint64_t end() const { return end_; }
 
 private:
-    void fill(size_t kept);
+    void fill(size_t kept, uint64_t most);
 
     const ByteSource* source_ = nullptr;
     uint64_t offset_ = 0, end_ = 0;  // of the buffer's first byte and behind the range, in the source

@@ -18,6 +18,13 @@ struct LazChunk {
     uint64_t size = 0;    // bytes; the true size, or with `open_end` a bound of it
     uint64_t points = 0;
     bool open_end = false;
+    uint64_t wanted_points = 0;  // that will be decoded, so that less is read; 0: all
+
+    /// Bytes of a stream of `stream_size` bytes in which the wanted points likely are: their share twice over, and a page.
+    uint64_t likely_bytes(uint64_t stream_size) const {
+        if (wanted_points == 0 || wanted_points >= points) return stream_size;
+        return std::min(stream_size, uint64_t(2.0 * double(stream_size) * double(wanted_points) / double(points)) + 4096);
+    }
 };
 
 /// The bytes of a record that a reader asks for; those of positions and returns always come.
@@ -38,7 +45,10 @@ public:
     virtual ~LazDecoder() = default;
     virtual std::unique_ptr<LazDecoder> clone() const = 0;
 
-    /// Begins a chunk of at least one point. What was decoded before is forgotten.
+    /// Tells the source which bytes begin will read, and perhaps decode. Never fails.
+    virtual void prefetch(const ByteSource& source, const LazChunk& chunk) const = 0;
+    /// Begins a chunk of at least one point. What was decoded before is forgotten. With fewer wanted points than the chunk has, not all that
+    /// they need may be read: decode then fails, where it would not with all points wanted.
     /// throws  Error{malformed}: "byte N: expectation", without file and chunk
     virtual void begin(const ByteSource& source, const LazChunk& chunk) = 0;
     /// Writes the next `count` records, of which the chunk has as many left.

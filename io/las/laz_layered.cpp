@@ -42,34 +42,27 @@ public:
     LayeredDecoder(const Header& header, const LazHeader& laz, const LazSelection& selection)
         : layout_(point_layout(header.point_format)),
           record_size_(header.record_size),
-          selection_(selection),
-          points_(layout_, record_size_, laz.items.front().version == 4) {}
+          points_(layout_, record_size_, laz.items.front().version == 4),
+          wanted_(wanted_layers(selection)) {}
 
     std::unique_ptr<LazDecoder> clone() const override { return std::make_unique<LayeredDecoder>(*this); }
 
+    void prefetch(const ByteSource& source, const LazChunk& chunk) const override {
+        try {
+            const ChunkHead head = read_head(source, chunk);
+            uint64_t offset = head.layers_offset;
+            for (size_t i = 0; i < head.sizes.size(); offset += head.sizes[i++])
+                if (wanted_[i] && head.sizes[i] > 0) source.prefetch(offset, chunk.likely_bytes(head.sizes[i]));
+        } catch (const Error&) {  // begin will say it
+        }
+    }
+
     void begin(const ByteSource& source, const LazChunk& chunk) override {
         offset_ = chunk.offset;
-        first_.resize(record_size_);
-        const uint64_t head_size = record_size_ + 4 + 4 * uint64_t(points_.layers.size());
-        if (chunk.size < head_size)
-            throw Error(ErrorKind::malformed, "byte " + std::to_string(chunk.offset) + ": " + std::to_string(head_size) +
-                                                  " bytes needed for its first point and the sizes of its layers, " + std::to_string(chunk.size) + " left");
-        std::vector<std::byte> head(head_size);
-        source.read(chunk.offset, head);
-        std::copy_n(head.begin(), record_size_, first_.begin());
-        ByteReader reader(std::span<const std::byte>(head).subspan(record_size_), "layers", chunk.offset + record_size_);
-        const uint32_t points = reader.read<uint32_t>();
-        if (points != chunk.points)
-            throw Error(ErrorKind::malformed, "byte " + std::to_string(chunk.offset + record_size_) + ": it says that it has " + std::to_string(points) +
-                                                  " points, " + std::to_string(chunk.points) + " are expected");
-        std::vector<uint32_t> sizes(points_.layers.size());
-        for (uint32_t& size : sizes) size = reader.read<uint32_t>();
-        const uint64_t sum = std::accumulate(sizes.begin(), sizes.end(), uint64_t{0});
-        if (chunk.open_end ? sum > chunk.size - head_size : sum != chunk.size - head_size)
-            throw Error(ErrorKind::malformed, "byte " + std::to_string(chunk.offset + record_size_ + 4) + ": its layers have " + std::to_string(sum) +
-                                                  " bytes, there are " + std::to_string(chunk.size - head_size));
-        end_ = chunk.offset + head_size + sum;
-        read_layers(source, chunk.offset + head_size, sizes);
+        const ChunkHead head = read_head(source, chunk);
+        first_ = head.first;
+        end_ = head.layers_offset + std::accumulate(head.sizes.begin(), head.sizes.end(), uint64_t{0});
+        read_layers(source, chunk, head);
         points_.restart(first_.data());
         at_first_ = true;
     }
@@ -94,10 +87,39 @@ public:
     uint64_t finish() override { return end_; }
 
 private:
+    /// What stands before the layers.
+    struct ChunkHead {
+        std::vector<std::byte> first;  // record
+        std::vector<uint32_t> sizes;   // of the layers, bytes
+        uint64_t layers_offset = 0;
+    };
+
+    ChunkHead read_head(const ByteSource& source, const LazChunk& chunk) const {
+        const uint64_t head_size = record_size_ + 4 + 4 * uint64_t(points_.layers.size());
+        if (chunk.size < head_size)
+            throw Error(ErrorKind::malformed, "byte " + std::to_string(chunk.offset) + ": " + std::to_string(head_size) +
+                                                  " bytes needed for its first point and the sizes of its layers, " + std::to_string(chunk.size) + " left");
+        std::vector<std::byte> bytes(head_size);
+        source.read(chunk.offset, bytes);
+        ChunkHead head{.first = {bytes.begin(), bytes.begin() + std::ptrdiff_t(record_size_)}, .sizes = {}, .layers_offset = chunk.offset + head_size};
+        ByteReader reader(std::span<const std::byte>(bytes).subspan(record_size_), "layers", chunk.offset + record_size_);
+        const uint32_t points = reader.read<uint32_t>();
+        if (points != chunk.points)
+            throw Error(ErrorKind::malformed, "byte " + std::to_string(chunk.offset + record_size_) + ": it says that it has " + std::to_string(points) +
+                                                  " points, " + std::to_string(chunk.points) + " are expected");
+        head.sizes.resize(points_.layers.size());
+        for (uint32_t& size : head.sizes) size = reader.read<uint32_t>();
+        const uint64_t sum = std::accumulate(head.sizes.begin(), head.sizes.end(), uint64_t{0});
+        if (chunk.open_end ? sum > chunk.size - head_size : sum != chunk.size - head_size)
+            throw Error(ErrorKind::malformed, "byte " + std::to_string(chunk.offset + record_size_ + 4) + ": its layers have " + std::to_string(sum) +
+                                                  " bytes, there are " + std::to_string(chunk.size - head_size));
+        return head;
+    }
+
     // Which layers are asked for, in their order.
-    std::vector<bool> wanted_layers() const {
+    std::vector<bool> wanted_layers(const LazSelection& selection) const {
         std::vector<bool> wanted = {true, true};
-        const auto ask = [&](size_t offset, size_t size) { wanted.push_back(selection_.has(offset, size)); };
+        const auto ask = [&](size_t offset, size_t size) { wanted.push_back(selection.has(offset, size)); };
         ask(kClassification, 1);
         ask(kFlags, 1);
         ask(kIntensity, 2);
@@ -112,22 +134,20 @@ private:
         return wanted;
     }
 
-    void read_layers(const ByteSource& source, uint64_t offset, const std::vector<uint32_t>& sizes) {
-        const std::vector<bool> wanted = wanted_layers();
-        uint64_t room = kMargin;
-        for (size_t i = 0; i < sizes.size(); ++i) room += wanted[i] ? sizes[i] : 0;
+    void read_layers(const ByteSource& source, const LazChunk& chunk, const ChunkHead& head) {
+        uint64_t room = kMargin, offset = head.layers_offset;
+        for (size_t i = 0; i < head.sizes.size(); ++i) room += wanted_[i] ? chunk.likely_bytes(head.sizes[i]) : 0;
         const auto bytes = std::make_shared<std::vector<std::byte>>(room);
         std::vector<ByteRange> ranges;
         size_t at = 0;
-        for (size_t i = 0; i < sizes.size(); ++i) {
+        for (size_t i = 0; i < head.sizes.size(); offset += head.sizes[i++]) {
             DecodedLayer& layer = points_.layers[i];
-            layer.active = wanted[i] && sizes[i] > 0;
-            if (layer.active) {
-                ranges.push_back({offset, std::span(*bytes).subspan(at, sizes[i])});
-                layer.end = bytes->data() + at + sizes[i];
-                at += sizes[i];
-            }
-            offset += sizes[i];
+            layer.active = wanted_[i] && head.sizes[i] > 0;
+            if (!layer.active) continue;
+            const size_t size = size_t(chunk.likely_bytes(head.sizes[i]));
+            ranges.push_back({offset, std::span(*bytes).subspan(at, size)});
+            layer.end = bytes->data() + at + size;
+            at += size;
         }
         source.read_many(ranges);
         size_t range = 0;
@@ -145,13 +165,13 @@ private:
 
     PointLayout layout_;
     size_t record_size_;
-    LazSelection selection_;
 
     uint64_t offset_ = 0, end_ = 0;  // of the chunk, bytes
     std::vector<std::byte> first_;   // record
     bool at_first_ = false;
     std::shared_ptr<const std::vector<std::byte>> bytes_;  // of the layers asked for, and a margin of zeros
     LayeredPoints<DecodedLayer> points_;
+    std::vector<bool> wanted_;  // layers, by what is asked for
 };
 
 }  // namespace

@@ -186,12 +186,15 @@ public:
 
     std::unique_ptr<LazDecoder> clone() const override { return std::make_unique<PointwiseDecoder>(*this); }
 
+    void prefetch(const ByteSource& source, const LazChunk& chunk) const override { source.prefetch(chunk.offset, chunk.likely_bytes(chunk.size)); }
+
     void begin(const ByteSource& source, const LazChunk& chunk) override {
         if (chunk.size < record_size_ + 4)
             throw Error(ErrorKind::malformed, "byte " + std::to_string(chunk.offset) + ": " + std::to_string(record_size_ + 4) +
                                                   " bytes needed for its first point, " + std::to_string(chunk.size) + " left");
         // A point is at most some 60 symbols and its extra bytes.
-        window_.open(source, chunk.offset, chunk.offset + chunk.size, kBytesPerSymbol * (64 + extra_bytes_.size()) + kBytesAhead + record_size_);
+        window_.open(source, chunk.offset, chunk.offset + chunk.size, kBytesPerSymbol * (64 + extra_bytes_.size()) + kBytesAhead + record_size_,
+                     chunk.likely_bytes(chunk.size));
         open_end_ = chunk.open_end;
         const std::byte* const record = window_.begin();
         Point10 point;

@@ -41,11 +41,12 @@ bool is_copc(const las::Header& header) { return !header.records.empty() && head
 // Goes through the points from a chunk on, one behind the other. A copy goes on where the original was.
 class LazSource::Walk {
 public:
-    Walk(const LazSource& source, size_t chunk, const las::LazSelection& selection)
-        : source_(source), chunk_(chunk), offset_(source.chunks_.chunks[chunk].offset),
+    /// wanted_points  of the first chunk, if no more are read; 0: all
+    Walk(const LazSource& source, size_t chunk, const las::LazSelection& selection, uint64_t wanted_points = 0)
+        : source_(source), chunk_(chunk), wanted_points_(wanted_points), offset_(source.chunks_.chunks[chunk].offset),
           decoder_(las::make_laz_decoder(source.header_, source.laz_, selection)) {}
     Walk(const Walk& other)
-        : source_(other.source_), chunk_(other.chunk_), done_(other.done_), offset_(other.offset_), decoder_(other.decoder_->clone()) {}
+        : source_(other.source_), chunk_(other.chunk_), wanted_points_(other.wanted_points_), done_(other.done_), offset_(other.offset_), decoder_(other.decoder_->clone()) {}
     Walk& operator=(const Walk&) = delete;
 
     /// Calls sink(records, count) for the next `points` points in pieces.
@@ -81,10 +82,12 @@ private:
             chunk.offset = offset_;
             chunk.size = end - std::min(end, offset_);
         }
+        chunk.wanted_points = wanted_points_;
         decoder_->begin(*source_.bytes_, chunk);
     }
     void next_chunk() {
         ++chunk_;
+        wanted_points_ = 0;
         done_ = 0;
         if (!source_.chunks_.sequential && chunk_ < source_.chunks_.chunks.size()) offset_ = source_.chunks_.chunks[chunk_].offset;
     }
@@ -94,6 +97,7 @@ private:
 
     const LazSource& source_;
     size_t chunk_;
+    uint64_t wanted_points_;
     uint64_t done_ = 0;  // points of the chunk
     uint64_t offset_;    // of the chunk; of the next one once it is done
     std::unique_ptr<las::LazDecoder> decoder_;
@@ -178,7 +182,35 @@ void LazSource::read_first(uint64_t index, uint64_t most, std::span<const int> w
     const uint64_t points = in_reach ? std::min(most, from.points) : 0;
     resize_batch(out, size_t(points), info_.attributes, wanted);
     if (points == 0) return;
-    Walk(*this, from.chunk, las::select_bytes(columns_, header_.record_size, wanted)).read(points, rows_of(columns_, header_.record_size, wanted, out));
+    const las::LazSelection selection = las::select_bytes(columns_, header_.record_size, wanted);
+    if (points < chunks_.chunks[from.chunk].points) {
+        announce_first(index, points, selection);
+        try {
+            return Walk(*this, from.chunk, selection, points).read(points, rows_of(columns_, header_.record_size, wanted, out));
+        } catch (const Error& error) {
+            if (error.kind != ErrorKind::malformed) throw;  // they may lie behind what was read for them
+        }
+    }
+    Walk(*this, from.chunk, selection).read(points, rows_of(columns_, header_.record_size, wanted, out));
+}
+
+// A first look goes through the whole file in small pieces: the disk is told of them well ahead, or each would be waited for.
+void LazSource::announce_first(uint64_t index, uint64_t points, const las::LazSelection& selection) const {
+    constexpr uint64_t kAhead = 256, kHeadBytes = 512;  // batches; record and layer sizes
+    std::call_once(heads_announced_, [&] {
+        for (const Plan& plan : plans_) bytes_->prefetch(chunks_.chunks[plan.chunk].offset, kHeadBytes);
+    });
+    const uint64_t end = std::min(index + kAhead, batch_count_);
+    std::unique_ptr<las::LazDecoder> decoder;
+    for (uint64_t next = announced_.load(); next < end; next = announced_.load()) {
+        if (!announced_.compare_exchange_weak(next, next + 1)) continue;
+        const Batch ahead = batch(next);
+        if (ahead.first_point > 0 || chunks_.sequential) continue;
+        if (!decoder) decoder = las::make_laz_decoder(header_, laz_, selection);
+        las::LazChunk chunk = chunks_.chunks[ahead.chunk];
+        chunk.wanted_points = points;
+        decoder->prefetch(*bytes_, chunk);
+    }
 }
 
 std::vector<std::byte> LazSource::read_records(uint64_t index) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <deque>
 #include <memory>
 #include <mutex>
@@ -57,6 +58,7 @@ private:
     const Plan& plan_of(uint64_t index) const;
     Batch batch(uint64_t index) const;
     uint64_t first_reachable(uint64_t index) const;
+    void announce_first(uint64_t index, uint64_t points, const las::LazSelection& selection) const;
     template <typename Sink>
     void read_points(uint64_t index, const las::LazSelection& selection, Sink sink) const;
     template <typename Sink>
@@ -71,6 +73,9 @@ private:
     CloudInfo info_;
     std::vector<Plan> plans_;
     uint64_t batch_count_ = 0;
+
+    mutable std::once_flag heads_announced_;
+    mutable std::atomic<uint64_t> announced_ = 0;  // batches whose first points the disk was told of
 
     mutable std::mutex in_order_;
     mutable std::deque<Lane> lanes_;  // the latest, guarded by in_order_
