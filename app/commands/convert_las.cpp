@@ -21,11 +21,6 @@ uint64_t round_points(const ConvertRequest& request, const CloudInfo& info, size
     return points_of_round(request.threads, request.memory_bytes / 4 * 3, column_bytes + encoded_bytes);
 }
 
-bool is_wkt1(const std::string& crs) {
-    constexpr std::array kKeywords = {"PROJCS[", "GEOGCS[", "GEOCCS[", "COMPD_CS[", "LOCAL_CS["};
-    return std::any_of(kKeywords.begin(), kKeywords.end(), [&](std::string_view keyword) { return crs.starts_with(keyword); });
-}
-
 class LasOutput : public ConvertOutput {
 public:
     explicit LasOutput(const ConvertRequest& request) : request_(request) { check_output_path(request.output, request.overwrite); }

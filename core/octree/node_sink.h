@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -25,6 +26,7 @@ struct BuiltCloud {
     double spacing = 0.0;    // of the root, world units
     std::string crs;
     std::vector<CrsRecord> crs_records;
+    std::optional<bool> adjusted_gps_time;  // as in CloudInfo
     std::vector<Attribute> attributes;  // the record after the position, in this order
     std::vector<std::vector<double>> attribute_min, attribute_max;  // [attribute][component], stored values
 };

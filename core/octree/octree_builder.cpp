@@ -234,6 +234,7 @@ BuiltCloud describe(const CloudInfo& info, const std::vector<Attribute>& attribu
     cloud.spacing = frame.spacing(0);
     cloud.crs = info.crs;
     cloud.crs_records = info.crs_records;
+    cloud.adjusted_gps_time = info.adjusted_gps_time;
     for (size_t a = 0; a < attributes.size(); ++a) {
         if (!kept[a]) continue;
         cloud.attributes.push_back(attributes[a]);

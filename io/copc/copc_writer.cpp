@@ -25,10 +25,6 @@ constexpr size_t kInfoBytes = 160;
 constexpr size_t kInfoOffset = las::header_bytes(4) + las::kVlrHeaderBytes;  // its record is the first
 constexpr uint64_t kLargestVlr = std::numeric_limits<uint16_t>::max();
 constexpr uint16_t kWktRecord = 2112;
-constexpr double kSecondsOfWeek = 604'800.0;
-
-// GPS times of the week lie within it; seconds since 1980 less 10^9 do so for one week of 2011 alone.
-bool is_adjusted_time(double least, double most) { return least < 0.0 || most > kSecondsOfWeek; }
 
 // Of the point formats of COPC.
 constexpr size_t kReturnByte = 14, kTimeByte = 22;
@@ -160,6 +156,8 @@ private:
         return payload;
     }
 
+    bool has_adjusted_time() const { return cloud_.adjusted_gps_time.value_or(las::looks_adjusted(gps_range_[0], gps_range_[1])); }
+
     // The header block and the records before the points. Its size is the same whatever has been written yet.
     std::vector<std::byte> head_bytes(const Ending& ending) const {
         std::vector<std::byte> records;
@@ -176,7 +174,7 @@ private:
         if (wkt_.empty())
             for (const CrsRecord& keys : cloud_.crs_records) append("LASF_Projection", keys.id, "GeoTIFF keys", keys.bytes);
         las::HeaderValues values = {
-            .global_encoding = uint16_t(las::kWktBit | (is_adjusted_time(gps_range_[0], gps_range_[1]) ? las::kAdjustedTimeBit : 0)),
+            .global_encoding = uint16_t(las::kWktBit | (has_adjusted_time() ? las::kAdjustedTimeBit : 0)),
             .point_offset = uint32_t(las::header_bytes(4) + records.size()),
             .records = count,
             .point_format = fields_->point_format(),

@@ -2,6 +2,7 @@
 
 #include <proj.h>
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -97,11 +98,13 @@ std::string crs_name(const std::string& crs) {
     return crs.size() <= kLongest ? crs : crs.substr(0, kLongest) + "...";
 }
 
-std::string wkt1_of_crs(const std::string& crs) {
-    if (crs.empty()) return {};
+bool is_wkt1(const std::string& crs) {
     constexpr std::array kKinds = {"PROJCS", "GEOGCS", "GEOCCS", "COMPD_CS", "LOCAL_CS"};
-    for (const std::string kind : kKinds)
-        if (crs.starts_with(kind + "[") || crs.starts_with(kind + "(")) return crs;
+    return std::any_of(kKinds.begin(), kKinds.end(), [&](const std::string kind) { return crs.starts_with(kind + "[") || crs.starts_with(kind + "("); });
+}
+
+std::string wkt1_of_crs(const std::string& crs) {
+    if (crs.empty() || is_wkt1(crs)) return crs;
     const ProjContext context;
     const ProjObject object = crs_object(context, crs);
     return object ? wkt1_of(context, object.get()) : std::string();

@@ -23,6 +23,9 @@ std::optional<CrsDescription> describe_crs(const std::string& crs);
 /// A few words for messages: "EPSG:25832 ETRS89 / UTM zone 32N", or the beginning of a text that PROJ cannot read.
 std::string crs_name(const std::string& crs);
 
+/// Whether the text begins as OGC WKT 1 does.
+bool is_wkt1(const std::string& crs);
+
 /// OGC WKT 1, as LAS 1.4 and COPC ask for it. Text that is WKT 1 stays as it is, whether PROJ can read it or not.
 std::string wkt1_of_crs(const std::string& crs);
 

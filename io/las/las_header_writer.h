@@ -16,6 +16,10 @@ namespace strata::las {
 // Bits of the global encoding.
 inline constexpr uint16_t kAdjustedTimeBit = 1, kWktBit = 1 << 4;
 
+/// What times say of their kind where nothing else does: seconds of the week lie within one, and those since 1980 less 10^9 for one week
+/// of 2011 alone.
+inline bool looks_adjusted(double least_time, double most_time) { return least_time < 0.0 || most_time > 604'800.0; }
+
 /// Bit 7 of the point format: the points are compressed.
 inline constexpr uint8_t kCompressedBit = 0x80;
 

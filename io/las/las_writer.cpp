@@ -16,7 +16,6 @@ constexpr uint16_t kWktRecord = 2112, kExtraBytesRecord = 4, kLaszipRecord = 222
 constexpr std::string_view kWktDescription = "WKT of the coordinate system";
 constexpr uint64_t kMostOldPoints = std::numeric_limits<uint32_t>::max();  // of LAS 1.0 to 1.3
 constexpr size_t kMostRecordBytes = std::numeric_limits<uint16_t>::max();
-constexpr double kSecondsOfWeek = 7 * 24 * 3600;
 
 // The text ends with a zero.
 std::span<const std::byte> wkt_payload(const std::string& wkt) { return std::as_bytes(std::span<const char>(wkt.c_str(), wkt.size() + 1)); }
@@ -91,7 +90,7 @@ std::vector<std::byte> LasWriter::header() const {
 
     // The WKT bit must be set for point formats from 6 on, with or without a WKT (section 2.4, global encoding).
     const bool wkt_bit = (has_wkt_ && minor_version_ == 4) || settings_.point_format >= 6;
-    const bool adjusted_bit = settings_.adjusted_gps_time.value_or(totals_.gps_least < 0.0 || totals_.gps_most > kSecondsOfWeek);
+    const bool adjusted_bit = settings_.adjusted_gps_time.value_or(las::looks_adjusted(totals_.gps_least, totals_.gps_most));
     const las::HeaderValues values = {
         .minor_version = minor_version_,
         .global_encoding = uint16_t((wkt_bit ? las::kWktBit : 0) | (adjusted_bit ? las::kAdjustedTimeBit : 0)),

@@ -182,7 +182,7 @@ TEST_F(Convert, CopcHasTheHeaderThatReadersLookFor) {
     EXPECT_EQ(bytes.substr(393, 2), std::string("\1\0", 2));
     EXPECT_EQ(at(94, uint16_t()), 375);
     EXPECT_EQ(at(104, uint8_t()), 7 | 0x80);
-    EXPECT_EQ(at(6, uint16_t()) & 16, 16);
+    EXPECT_EQ(at(6, uint16_t()), 16);  // WKT; times of the week, as the input says
     for (size_t i = 107; i < 131; ++i) EXPECT_EQ(bytes[i], 0) << i;  // counts of older versions
     EXPECT_EQ(at(131, double()), 0.01);
     EXPECT_EQ(at(139, double()), 0.02);
