@@ -162,7 +162,7 @@ int run(const Options& options) {
 
     const auto start = std::chrono::steady_clock::now();
     ProgressLine progress(request.quiet);
-    nlohmann::ordered_json more;
+    nlohmann::ordered_json more = nlohmann::ordered_json::object();  // made here: without memory, a null that turns into one crashes as it goes
     const ConvertReport report = output->write(*source, progress, more);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     progress.clear();

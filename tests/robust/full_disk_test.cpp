@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <sys/mount.h>
 
+#include <algorithm>
 #include <filesystem>
 
 #include "tests/support/scan_files.h"
@@ -25,6 +26,7 @@ public:
         if (mounted_) ::umount2(path_.c_str(), MNT_DETACH);
     }
     bool mounted() const { return mounted_; }
+    const std::string& path() const { return path_; }
     std::string file(const std::string& name) const { return path_ + "/" + name; }
 
 private:
@@ -32,7 +34,7 @@ private:
     bool mounted_ = false;
 };
 
-class FullDisk : public testing::TestWithParam<const char*> {
+class FullDisk : public testing::TestWithParam<ConvertedOutput> {
 protected:
     static constexpr int kPoints = 60'000;  // 12 bytes of position and 22 to 26 of attributes: about 2 MB
 
@@ -45,35 +47,52 @@ protected:
         ASSERT_EQ(convert(folder_.file("other.las"), earlier_).exit_code, 0);
     }
     static ProgramResult convert(const std::string& in, const std::string& out, const ProgramLimits& limits = {}) {
-        return run_strata({"convert", in, out, "--quiet", "--overwrite", "--encoding", GetParam()}, limits);
+        std::vector<std::string> words = {"convert", in, out, "--quiet", "--overwrite"};
+        words.insert(words.end(), GetParam().words.begin(), GetParam().words.end());
+        return run_strata(words, limits);
+    }
+
+    /// Of the largest file of an output.
+    static uint64_t file_bytes(const std::string& output) {
+        uint64_t most = 0;
+        for (const std::string& file : {output, output + "/octree.bin", output + "/000000.drc"})
+            if (fs::is_regular_file(file)) most = std::max<uint64_t>(most, fs::file_size(file));
+        return most;
     }
 
     const TemporaryFolder folder_;
-    const std::string scan_ = folder_.file("scan.las"), whole_ = folder_.file("whole/out"), earlier_ = folder_.file("earlier/out");
+    const std::string label_ = GetParam().label;
+    const bool is_potree_ = label_ == "potree" || label_ == "brotli", levels_ = is_potree_ || label_ == "copc";
+    const std::string scan_ = folder_.file("scan.las"), name_ = GetParam().name, whole_ = folder_.file("whole/" + name_), earlier_ = folder_.file("earlier/" + name_);
 };
 
-// A step of 64 KiB crosses every file of the output: before, within and after each.
-TEST_P(FullDisk, IsRefusedBeforeTheStartWithPathAndBytes) {
+// The steps cross every file of the output: before, within and after each.
+TEST_P(FullDisk, IsRefusedWithPathAndBytes) {
     int refused = 0, whole = 0;
-    const int steps = full_run() ? 64 : 12;
+    const int steps = full_run() ? 64 : is_potree_ ? 12 : 4;
+    const uint64_t most = levels_ ? uint64_t{4} << 20 : 3 * file_bytes(whole_) / 2 + 65'536;  // the folder itself takes a page
     for (int step = 1; step <= steps; ++step) {
-        const uint64_t bytes = uint64_t(step) * (uint64_t{64 * 64} << 10) / uint64_t(steps);
+        const uint64_t bytes = uint64_t(step) * most / uint64_t(steps);
         const SmallDisk disk(folder_.file("disk" + std::to_string(step)), bytes);
         if (!disk.mounted()) GTEST_SKIP() << "only root can make a small disk";
         SCOPED_TRACE("a disk of " + std::to_string(bytes) + " bytes");
         std::error_code problem;
-        fs::copy(earlier_, disk.file("out"), problem);
-        const bool earlier = !problem && same_potree(disk.file("out"), earlier_);
-        if (!earlier) fs::remove_all(disk.file("out"));
-        const ProgramResult result = convert(scan_, disk.file("out"));
+        fs::copy(earlier_, disk.file(name_), fs::copy_options::recursive, problem);
+        const bool earlier = !problem && same_output(disk.file(name_), earlier_);
+        if (!earlier) fs::remove_all(disk.file(name_));
+        const ProgramResult result = convert(scan_, disk.file(name_));
         if (result.exit_code == 0) {
-            EXPECT_TRUE(same_potree(disk.file("out"), whole_));
+            EXPECT_TRUE(same_output(disk.file(name_), whole_));
             ++whole;
         } else {
             EXPECT_EQ(refusal_verdict(result), "");
-            EXPECT_TRUE(result.err.starts_with("strata: " + disk.file("out") + ": about ")) << result.err;  // refused by the estimate
-            EXPECT_NE(result.err.find("are needed"), std::string::npos) << result.err;
-            if (earlier) EXPECT_TRUE(same_potree(disk.file("out"), earlier_));
+            // Level-of-detail sets are estimated and plain LAS is reserved; the size of the others is known when they are written. A
+            // block of a folder is named in the temporary one.
+            const std::string path = label_ == "drc_blocks" ? disk.path() + "/." + name_ : disk.file(name_);
+            const std::string reason = levels_ ? "MiB of disk are needed" : label_ == "las" ? "bytes needed: No space left" : "bytes: No space left";
+            EXPECT_TRUE(result.err.starts_with("strata: " + path + (levels_ ? ": about " : ""))) << result.err;
+            EXPECT_NE(result.err.find(reason), std::string::npos) << result.err;
+            if (earlier) EXPECT_TRUE(same_output(disk.file(name_), earlier_));
             ++refused;
         }
         EXPECT_EQ(entries(disk.file("")), earlier || result.exit_code == 0 ? 1u : 0u);
@@ -84,22 +103,28 @@ TEST_P(FullDisk, IsRefusedBeforeTheStartWithPathAndBytes) {
 
 // Nothing foretells a limit on the size of files, or a quota: the write fails in the middle.
 TEST_P(FullDisk, FoundWhileWritingNamesPathAndBytes) {
-    fs::copy(earlier_, folder_.file("out"));
-    const uint64_t most = fs::file_size(whole_ + "/octree.bin");
-    const int steps = full_run() ? 64 : 8;
+    fs::copy(earlier_, folder_.file(name_), fs::copy_options::recursive);
+    const uint64_t most = file_bytes(whole_);
+    const int steps = full_run() ? 64 : is_potree_ ? 8 : 3;
     for (int step = 0; step < steps; ++step) {
         const uint64_t bytes = 1 + most * uint64_t(step) / uint64_t(steps);
         SCOPED_TRACE("files of at most " + std::to_string(bytes) + " bytes");
-        const ProgramResult result = convert(scan_, folder_.file("out"), {.file_size_bytes = bytes});
+        const ProgramResult result = convert(scan_, folder_.file(name_), {.file_size_bytes = bytes});
         EXPECT_EQ(refusal_verdict(result), "");
-        EXPECT_NE(result.err.find("octree.bin: byte "), std::string::npos) << result.err;
+        EXPECT_NE(result.err.find(folder_.path()), std::string::npos) << result.err;
+        EXPECT_NE(result.err.find((is_potree_ ? "octree.bin" : label_ == "drc_blocks" ? "0-0" : name_) + ": byte "), std::string::npos) << result.err;
         EXPECT_NE(result.err.find("File too large"), std::string::npos) << result.err;
-        EXPECT_TRUE(same_potree(folder_.file("out"), earlier_));
+        EXPECT_TRUE(same_output(folder_.file(name_), earlier_));
         EXPECT_EQ(entries(folder_.path()), 5u);
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(Robust, FullDisk, testing::Values("default", "brotli"), [](const auto& encoding) { return std::string(encoding.param); });
+std::vector<ConvertedOutput> all_outputs() {
+    std::vector<ConvertedOutput> all = converted_outputs();
+    all.push_back({"brotli", "out", {"--encoding", "brotli"}});
+    return all;
+}
+INSTANTIATE_TEST_SUITE_P(Robust, FullDisk, testing::ValuesIn(all_outputs()), [](const auto& output) { return output.param.label; });
 
 // A disk that holds the estimate and then fills up by someone else's doing is met by the failing calls (ENOSPC); a sample
 // knows its size and reserves it.

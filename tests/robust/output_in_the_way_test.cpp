@@ -56,6 +56,57 @@ TEST_F(OutputInTheWay, AnExistingOutputNeedsOverwrite) {
     EXPECT_EQ(entries(folder_.path()), 4u);
 }
 
+class EachOutputInTheWay : public OutputInTheWay, public testing::WithParamInterface<ConvertedOutput> {
+protected:
+    ProgramResult convert_to(const std::string& out, bool overwrite = true) const {
+        std::vector<std::string> words = {"convert", scan_, out, "--quiet"};
+        words.insert(words.end(), GetParam().words.begin(), GetParam().words.end());
+        if (overwrite) words.push_back("--overwrite");
+        return run_strata(words);
+    }
+};
+
+TEST_P(EachOutputInTheWay, ReplacesWhatItMayAndNothingElse) {
+    const std::string name = GetParam().name, out = folder_.file(name), earlier = folder_.file("earlier" + name), link = folder_.file("link" + name);
+    ASSERT_EQ(convert_to(out, false).exit_code, 0);
+    ASSERT_EQ(convert_to(earlier, false).exit_code, 0);
+    fs::create_symlink(out, link);
+    expect_refused(convert_to(out, false), out, "exists; --overwrite replaces it");
+    expect_refused(convert_to(link, false), GetParam().is_folder() ? out : link, "exists; --overwrite replaces it");
+    EXPECT_TRUE(same_output(out, earlier) || GetParam().label == std::string("potree"));  // whose metadata has the name
+    write_sheet(scan_, 700);
+    const std::string before = file_contents(scan_);
+    EXPECT_EQ(convert_to(link).exit_code, 0);
+    EXPECT_TRUE(fs::is_symlink(link));
+    EXPECT_FALSE(same_output(out, earlier));
+    EXPECT_EQ(convert_to(earlier).exit_code, 0);
+    if (GetParam().label != std::string("potree")) EXPECT_TRUE(same_output(out, earlier));
+    // What is of another kind.
+    fs::create_directory(folder_.file("photos" + name));
+    write(folder_.file("photos" + name + "/one.jpg"), "x");
+    expect_refused(convert_to(folder_.file("photos" + name)), folder_.file("photos" + name), GetParam().is_folder() ? "is no earlier output" : "is a folder");
+    ASSERT_EQ(::mkfifo(folder_.file("fifo" + name).c_str(), 0666), 0);
+    expect_refused(convert_to(folder_.file("fifo" + name)), folder_.file("fifo" + name), GetParam().is_folder() ? "is no earlier output" : "is no regular file");
+    fs::create_symlink(scan_, folder_.file("scan" + name));
+    expect_refused(convert_to(folder_.file("scan" + name)), folder_.file("scan" + name), "is an input");
+    expect_refused(convert_to(folder_.file("missing/" + name)), folder_.file("missing"), "No such file");
+    expect_refused(convert_to(scan_ + "/" + name), scan_, "Not a directory");
+    EXPECT_EQ(file_contents(folder_.file("photos" + name + "/one.jpg")), "x");
+    EXPECT_TRUE(before == file_contents(scan_));
+    // 255 bytes are the longest name; names are bytes, not text.
+    for (const std::string& odd : {std::string(255 - name.size(), 'n') + name, "\xff\xfe \"quoted\" \n line" + name}) {
+        EXPECT_EQ(convert_to(folder_.file(odd)).exit_code, 0);
+        EXPECT_EQ(convert_to(folder_.file(odd)).exit_code, 0);
+        const std::string what = fs::exists(folder_.file(odd + "/000000.drc")) ? odd + "/000000.drc" : odd;  // blocks are files of their own
+        EXPECT_EQ(run_strata({"info", "--exact", "--json", folder_.file(what)}).exit_code, 0);
+        fs::remove_all(folder_.file(odd));
+    }
+    EXPECT_EQ(refusal_verdict(convert_to(folder_.file(std::string(256 - name.size(), 'n') + name))), "");
+    EXPECT_EQ(entries(folder_.path()), 7u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Robust, EachOutputInTheWay, testing::ValuesIn(converted_outputs()), [](const auto& output) { return output.param.label; });
+
 // --overwrite replaces outputs, not what else a user keeps by that name.
 TEST_F(OutputInTheWay, WhatIsNoOutputOfThatKindIsLeftAlone) {
     fs::create_directory(folder_.file("photos.png"));

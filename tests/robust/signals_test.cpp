@@ -15,45 +15,52 @@ using namespace test;
 
 constexpr double kMostSecondsToEnd = 2.0;
 
-class Ending : public testing::TestWithParam<int> {
+class Ending : public testing::TestWithParam<std::tuple<int, ConvertedOutput>> {
 protected:
     void SetUp() override {
         write_sheet(scan_, 100'000);
         for (const std::string name : {"whole", "earlier", "target"}) fs::create_directory(folder_.file(name));
-        const test::ProgramResult whole = convert("whole/out", {});
+        const test::ProgramResult whole = convert(scan_, "whole", {});
         ASSERT_EQ(whole.exit_code, 0) << whole.err;
         seconds_ = whole.seconds;
         // An earlier output of another input.
         write_sheet(folder_.file("other.las"), 500);
-        ASSERT_EQ(test::run_strata({"convert", folder_.file("other.las"), folder_.file("earlier/out"), "--quiet", "--no-sync"}).exit_code, 0);
+        ASSERT_EQ(convert(folder_.file("other.las"), "earlier", {}).exit_code, 0);
     }
 
-    test::ProgramResult convert(const std::string& target, const test::ProgramLimits& limits) {
-        return test::run_strata({"convert", scan_, folder_.file(target), "--quiet", "--overwrite", "--no-sync"}, limits);
+    std::string output_in(const std::string& folder) const { return folder_.file(folder + "/" + output_.name); }
+    test::ProgramResult convert(const std::string& scan, const std::string& folder, const test::ProgramLimits& limits) {
+        std::vector<std::string> words = {"convert", scan, output_in(folder), "--quiet", "--overwrite", "--no-sync"};
+        words.insert(words.end(), output_.words.begin(), output_.words.end());
+        return test::run_strata(words, limits);
     }
+    /// Of `full` runs in a full run; every build runs a tenth, of outputs that share most code a twentieth.
+    int times(int full) const { return full_run() ? full : is_potree_ ? full / 10 : full / 20; }
     void reset_target() {
         fs::remove_all(folder_.file("target"));
         fs::copy(folder_.file("earlier"), folder_.file("target"), fs::copy_options::recursive);
     }
-    bool whole() const { return same_potree(folder_.file("target/out"), folder_.file("whole/out")); }
-    bool earlier() const { return same_potree(folder_.file("target/out"), folder_.file("earlier/out")); }
+    bool whole() const { return same_output(output_in("target"), output_in("whole")); }
+    bool earlier() const { return same_output(output_in("target"), output_in("earlier")); }
     /// A time within the run, and a bit beyond: drawn from a seed.
     double moment() { return 1.1 * seconds_ * std::uniform_real_distribution<double>()(random_); }
 
+    const ConvertedOutput output_ = std::get<1>(GetParam());
+    const bool is_potree_ = output_.label == std::string("potree");
     const TemporaryFolder folder_;
     const std::string scan_ = folder_.file("scan.las");
     double seconds_ = 0.0;
-    std::mt19937_64 random_{uint64_t(GetParam())};
+    std::mt19937_64 random_{uint64_t(std::get<0>(GetParam()))};
 };
 
 TEST_P(Ending, LeavesNoTemporaryAndTheEarlierOutputOrTheWholeNewOne) {
-    const int number = GetParam(), times = full_run() ? 100 : 10;
+    const int number = std::get<0>(GetParam()), times = this->times(100);
     int ended = 0;
-    for (int i = 0; i < times; ++i) {
+    for (int i = 0; i < times || (ended == 0 && i < 5 * times); ++i) {
         reset_target();
         const double after = moment();
         SCOPED_TRACE("signal " + std::to_string(number) + " after " + std::to_string(after) + " s");
-        const test::ProgramResult result = convert("target/out", {.signal = number, .signal_after = after});
+        const test::ProgramResult result = convert(scan_, "target", {.signal = number, .signal_after = after});
         // Before the program's first line, the signal does what signals do without it.
         const bool ended_by_it = result.exit_code == 128 + number || result.signal == number;
         if (!ended_by_it) EXPECT_EQ(result.exit_code, 0) << "signal " << result.signal << ": " << result.err;
@@ -69,24 +76,29 @@ TEST_P(Ending, LeavesNoTemporaryAndTheEarlierOutputOrTheWholeNewOne) {
     EXPECT_GT(ended, 0) << "every signal came too late: nothing was tested";
 }
 
-INSTANTIATE_TEST_SUITE_P(Signals, Ending, testing::Values(SIGINT, SIGTERM, SIGHUP, SIGPIPE),
-                         [](const auto& number) { return std::string("signal_") + std::to_string(number.param); });
+std::string name_of(const testing::TestParamInfo<std::tuple<int, ConvertedOutput>>& at) {
+    return std::string(std::get<1>(at.param).label) + "_signal_" + std::to_string(std::get<0>(at.param));
+}
+const std::vector<ConvertedOutput> kPotree(converted_outputs().begin(), converted_outputs().begin() + 1), kOthers(converted_outputs().begin() + 1, converted_outputs().end());
+
+INSTANTIATE_TEST_SUITE_P(Potree, Ending, testing::Combine(testing::Values(SIGINT, SIGTERM, SIGHUP, SIGPIPE), testing::ValuesIn(kPotree)), name_of);
+INSTANTIATE_TEST_SUITE_P(Others, Ending, testing::Combine(testing::Values(SIGINT, SIGTERM), testing::ValuesIn(kOthers)), name_of);
 
 class Killed : public Ending {};
 
 TEST_P(Killed, LeavesTheOutputAndOneStaleTemporaryThatTheNextRunRemoves) {
-    const int times = full_run() ? 200 : 20;
+    const int times = this->times(is_potree_ ? 200 : 100);
     const std::string scan_bytes = file_contents(scan_);
     int stale = 0;
-    for (int i = 0; i < times; ++i) {
+    for (int i = 0; i < times || (stale == 0 && i < 5 * times); ++i) {
         reset_target();
         const double after = moment();
         SCOPED_TRACE("killed after " + std::to_string(after) + " s");
-        (void)convert("target/out", {.signal = SIGKILL, .signal_after = after});
+        (void)convert(scan_, "target", {.signal = SIGKILL, .signal_after = after});
         EXPECT_TRUE(earlier() || whole());
         EXPECT_LE(entries(folder_.file("target")), 2u);
         stale += entries(folder_.file("target")) == 2;
-        EXPECT_EQ(convert("target/out", {}).exit_code, 0);
+        EXPECT_EQ(convert(scan_, "target", {}).exit_code, 0);
         EXPECT_TRUE(whole());
         EXPECT_EQ(entries(folder_.file("target")), 1u);
         EXPECT_TRUE(file_contents(scan_) == scan_bytes);
@@ -96,7 +108,7 @@ TEST_P(Killed, LeavesTheOutputAndOneStaleTemporaryThatTheNextRunRemoves) {
     EXPECT_GT(stale, 0) << "no run was killed in the middle: nothing was tested";
 }
 
-INSTANTIATE_TEST_SUITE_P(Signals, Killed, testing::Values(SIGKILL), [](const auto&) { return std::string("signal_9"); });
+INSTANTIATE_TEST_SUITE_P(Signals, Killed, testing::Combine(testing::Values(SIGKILL), testing::ValuesIn(converted_outputs())), name_of);
 
 // What the caller ignores stays ignored: nohup strata convert ... survives the end of the session.
 TEST(Signals, ThoseThatTheCallerIgnoresEndNothing) {

@@ -69,6 +69,7 @@ ProgramResult run_program(const std::vector<std::string>& words, const ProgramLi
         else if (!limits.out_path.empty())
             ::dup2(::open(limits.out_path.c_str(), O_WRONLY | O_CLOEXEC), STDOUT_FILENO);
         if (limits.user != 0 && (::setgroups(0, nullptr) != 0 || ::setgid(limits.user) != 0 || ::setuid(limits.user) != 0)) ::_exit(126);
+        if (limits.signal != 0) ::signal(limits.signal, SIG_DFL);  // our caller may ignore it, as shells do for what runs in the background
         ::execv(arguments[0], arguments.data());
         ::_exit(127);
     }

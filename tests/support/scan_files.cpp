@@ -32,11 +32,21 @@ void write_sheet(const std::string& path, int points) {
     std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::streamsize(bytes.size()));
 }
 
-bool same_potree(const std::string& a, const std::string& b) {
-    return std::ranges::all_of(std::initializer_list<const char*>{"/metadata.json", "/hierarchy.bin", "/octree.bin"}, [&](const char* name) {
-        const std::string content = file_contents(a + name);
-        return !content.empty() && content == file_contents(b + name);
-    });
+const std::vector<ConvertedOutput>& converted_outputs() {
+    static const std::vector<ConvertedOutput> all = {{"potree", "out"},   {"copc", "out.copc.laz"}, {"laz", "out.laz"},
+                                                     {"las", "out.las"}, {"drc", "out.drc"},       {"drc_blocks", "out", {"--format", "drc"}}};
+    return all;
+}
+
+bool same_output(const std::string& a, const std::string& b) {
+    if (fs::is_directory(a) != fs::is_directory(b)) return false;
+    if (!fs::is_directory(a)) {
+        const std::string content = file_contents(a);
+        return !content.empty() && content == file_contents(b);
+    }
+    const fs::directory_iterator files(a);
+    return entries(a) > 0 && entries(a) == entries(b) &&
+           std::all_of(begin(files), end(files), [&](const fs::directory_entry& file) { return same_output(file.path(), b + "/" + file.path().filename().string()); });
 }
 
 size_t entries(const std::string& folder) { return size_t(std::distance(fs::directory_iterator(folder), fs::directory_iterator())); }

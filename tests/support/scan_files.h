@@ -15,8 +15,18 @@ std::string file_contents(const std::string& path);
 /// Writes `points` points on a folded sheet, LAS 1.2 point format 3.
 void write_sheet(const std::string& path, int points);
 
-/// Whether two Potree folders hold the same bytes.
-bool same_potree(const std::string& a, const std::string& b);
+/// What `strata convert` writes: its name tells the format, the words tell what the name does not.
+struct ConvertedOutput {
+    const char* label;
+    const char* name;
+    std::vector<std::string> words = {};
+
+    bool is_folder() const { return std::string(name).find('.') == std::string::npos; }
+};
+const std::vector<ConvertedOutput>& converted_outputs();
+
+/// Whether two outputs, files or folders, are there and hold the same bytes.
+bool same_output(const std::string& a, const std::string& b);
 
 /// Entries of a folder, of whatever kind.
 size_t entries(const std::string& folder);
