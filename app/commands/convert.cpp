@@ -33,7 +33,7 @@ constexpr OptionRow kRows[] = {
     {"--classes", "-c", "LIST", "", "only the points of these classes: 2,6 or 3:5"},
     {"--every", "", "N", "1", "only every N-th point, of those that the others leave"},
     {"--level", "", "N", "", "of level-of-detail sets (COPC, Potree): only the nodes down to level N; the root's is 0"},
-    {"--salvage", "", "", "", "read what can be read of damaged LAS and LAZ files: damage costs the part that it lies in, and notes say which"},
+    {"--salvage", "", "", "", "read what can be read of damaged LAS and LAZ files and Draco blocks: damage costs the part that it lies in, and notes say which"},
     {"--in-crs", "", "CRS", "", "the coordinate reference system that the files are in, where they do not say or say wrong: EPSG:n, EPSG:n+m with heights, WKT or a PROJ string"},
     {"--out-crs", "", "CRS", "", "transform the points to this coordinate reference system; --bounds is in the coordinates of the input, --viewpoint in those of the output"},
     {"--normals", "", "[K]", "16", "compute normals from the K nearest points (3 to 256), as NormalX, NormalY, NormalZ"},
@@ -146,7 +146,7 @@ ConvertRequest request_of(const Options& options, const Kind& kind) {
             .quiet = options.given("--quiet") || options.given("--json")};
 }
 
-int run(const Options& options) {
+int convert(const Options& options) {
     const Kind& kind = kind_of(options);
     if (options.given("--max-error") && kind.format != "drc") throw Error(ErrorKind::usage, "--max-error is for drc, the output is " + std::string(kind.format));
     const ConvertRequest request = request_of(options, kind);
@@ -163,10 +163,11 @@ int run(const Options& options) {
     const auto start = std::chrono::steady_clock::now();
     ProgressLine progress(request.quiet);
     nlohmann::ordered_json more = nlohmann::ordered_json::object();  // made here: without memory, a null that turns into one crashes as it goes
-    const ConvertReport report = output->write(*source, progress, more);
+    ConvertReport report = output->write(*source, progress, more);
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     progress.clear();
     std::vector<std::string> notes = source->info().notes;
+    if (report.points_written == 0) report.notes.push_back("the output has no points");
     notes.insert(notes.end(), report.notes.begin(), report.notes.end());
     for (const std::string& note : report.notes)
         if (!request.quiet) std::fprintf(stderr, "note: %s\n", note.c_str());
@@ -191,6 +192,15 @@ int run(const Options& options) {
         std::fputc('\n', stderr);
     }
     return 0;
+}
+
+int run(const Options& options) {
+    try {
+        return convert(options);
+    } catch (const Error& error) {
+        if (error.kind != ErrorKind::malformed || options.given("--salvage")) throw;
+        throw Error(error.kind, std::string(error.what()) + "; --salvage may read the rest");
+    }
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ class SalvagedSource : public PointSource {
 public:
     /// Reads the whole source once, all attributes, to know which batches are sound.
     /// stated_points  that there should be; those that the source itself knows to be missing are more than it has
-    /// throws         Error of other kinds than malformed and io
+    /// throws         Error{malformed}: no batch can be read; Error of other kinds than malformed and io
     SalvagedSource(std::unique_ptr<PointSource> source, uint64_t stated_points, int threads);
 
     const CloudInfo& info() const override { return info_; }

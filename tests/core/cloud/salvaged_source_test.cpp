@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 
 #include "core/error.h"
@@ -13,7 +14,9 @@ namespace {
 // Batches of 1, 2, 3, ... points, some of which cannot be read.
 class DamagedSource : public PointSource {
 public:
-    DamagedSource(uint64_t batches, std::vector<uint64_t> damaged, ErrorKind kind) : batches_(batches), damaged_(std::move(damaged)), kind_(kind) {
+    /// fault  of every damaged batch; empty: each has its own
+    DamagedSource(uint64_t batches, std::vector<uint64_t> damaged, ErrorKind kind, std::string fault = {})
+        : batches_(batches), damaged_(std::move(damaged)), kind_(kind), fault_(std::move(fault)) {
         info_.points = batches * (batches + 1) / 2;
         info_.attributes = {{.name = "batch", .type = ScalarType::uint8}};
     }
@@ -22,7 +25,7 @@ public:
     uint64_t batch_count() const override { return batches_; }
     void read_batch(uint64_t index, std::span<const int> wanted, PointBatch& out) const override {
         // Damage may lie in an attribute alone.
-        if (!wanted.empty() && std::find(damaged_.begin(), damaged_.end(), index) != damaged_.end()) throw Error(kind_, "batch " + std::to_string(index));
+        if (!wanted.empty() && std::find(damaged_.begin(), damaged_.end(), index) != damaged_.end()) throw Error(kind_, fault_.empty() ? "batch " + std::to_string(index) : fault_);
         resize_batch(out, size_t(index + 1), info_.attributes, wanted);
         for (const int a : wanted) std::fill(out.columns[size_t(a)].begin(), out.columns[size_t(a)].end(), std::byte(index));
     }
@@ -32,6 +35,7 @@ private:
     uint64_t batches_;
     std::vector<uint64_t> damaged_;
     ErrorKind kind_;
+    std::string fault_;
 };
 
 TEST(SalvagedSource, DamageCostsItsBatchAlone) {
@@ -54,7 +58,23 @@ TEST(SalvagedSource, ManyNotesAreCounted) {
     for (size_t i = 0; i < damaged.size(); ++i) damaged[i] = i;
     const SalvagedSource source(std::make_unique<DamagedSource>(20, damaged, ErrorKind::malformed), 210, 1);
     ASSERT_EQ(source.info().notes.size(), 11u);
-    EXPECT_EQ(source.info().notes.back(), "left out: 5 more damaged parts");
+    for (int i = 0; i < 10; ++i) EXPECT_EQ(source.info().notes[size_t(i)], "left out: batch " + std::to_string(i));
+    EXPECT_EQ(source.info().notes.back(), "15 parts are left out in all");
+}
+
+// What lies behind the end of a file that is cut short fails for one reason.
+TEST(SalvagedSource, OneReasonIsSaidOnce) {
+    const SalvagedSource source(std::make_unique<DamagedSource>(20, std::vector<uint64_t>{7, 9, 11}, ErrorKind::malformed, "cut short"), 210, 3);
+    EXPECT_EQ(source.info().notes, (std::vector<std::string>{"left out: cut short", "3 parts are left out in all"}));
+}
+
+TEST(SalvagedSource, NothingSoundIsAnError) {
+    try {
+        const SalvagedSource source(std::make_unique<DamagedSource>(2, std::vector<uint64_t>{0, 1}, ErrorKind::malformed), 3, 1);
+        FAIL();
+    } catch (const Error& error) {
+        EXPECT_STREQ(error.what(), "batch 0; nothing else can be read, either");
+    }
 }
 
 TEST(SalvagedSource, OtherFailuresAreNoDamage) {
