@@ -1,6 +1,7 @@
 #include "io/crs/crs_transformation.h"
 
 #include <proj.h>
+#include <proj_experimental.h>
 
 #include <cmath>
 
@@ -9,10 +10,31 @@
 #include "io/crs/proj_objects.h"
 
 namespace strata {
+namespace {
+
+bool is_bound(const PJ* crs) { return crs != nullptr && proj_get_type(crs) == PJ_TYPE_BOUND_CRS; }
+
+// A compound system whose horizontal part has a transformation to WGS 84 bolted on (WKT 1 with TOWGS84), with the east first:
+// proj_normalize_for_visualization does not look behind the bolts and would leave the north in x. Others are returned as they are.
+ProjObject with_east_first(const ProjContext& context, ProjObject crs) {
+    if (!crs || proj_get_type(crs.get()) != PJ_TYPE_COMPOUND_CRS) return crs;
+    pj_ctx* const c = context.get();
+    const ProjObject plane(proj_crs_get_sub_crs(c, crs.get(), 0)), height(proj_crs_get_sub_crs(c, crs.get(), 1));
+    if (!is_bound(plane.get())) return crs;
+    const ProjObject base(proj_get_source_crs(c, plane.get())), hub(proj_get_target_crs(c, plane.get())), shift(proj_crs_get_coordoperation(c, plane.get()));
+    const ProjObject eastward(base ? proj_normalize_for_visualization(c, base.get()) : nullptr);
+    if (!eastward || !hub || !shift || !height) return nullptr;
+    const ProjObject bound(proj_crs_create_bound_crs(c, eastward.get(), hub.get(), shift.get()));
+    return ProjObject(bound ? proj_create_compound_crs(c, proj_get_name(crs.get()), bound.get(), height.get()) : nullptr);
+}
+
+}  // namespace
+
 class CrsTransformation::Worker {
 public:
     Worker(const std::string& from, const std::string& to, bool ballpark) {
-        const ProjObject source = require_crs(context_, from), target = require_crs(context_, to);
+        const ProjObject source = with_east_first(context_, require_crs(context_, from)), target = with_east_first(context_, require_crs(context_, to));
+        if (!source || !target) return;  // no way, rather than one with x and y mixed up
         const char* const options[] = {ballpark ? "ALLOW_BALLPARK=YES" : "ALLOW_BALLPARK=NO", nullptr};
         const ProjObject way(proj_create_crs_to_crs_from_pj(context_.get(), source.get(), target.get(), nullptr, options));
         if (way) way_.reset(proj_normalize_for_visualization(context_.get(), way.get()));

@@ -100,6 +100,44 @@ TEST(ReprojectedSource, EastIsX) {
     EXPECT_LT((back - Vec3d(10.0, 52.0, 0.0)).norm(), 1e-9);
 }
 
+// Gauss-Krueger zone 3 and its base, the north or the latitude first, with the shift to WGS 84 in the datum; DHHN92 heights or none.
+std::string old_german(const char* kind, bool heights) {
+    const std::string base = "GEOGCS[\"DHDN\",DATUM[\"Deutsches_Hauptdreiecksnetz\",SPHEROID[\"Bessel 1841\",6377397.155,299.1528128],"
+                             "TOWGS84[598.1,73.7,418.2,0.202,0.045,-2.455,6.7]],PRIMEM[\"Greenwich\",0],UNIT[\"degree\",0.0174532925199433]";
+    std::string plane = base + ",AXIS[\"Latitude\",NORTH],AXIS[\"Longitude\",EAST]]";
+    if (kind == std::string("projected"))
+        plane = "PROJCS[\"DHDN / Gauss-Kruger zone 3\"," + base +
+                "],PROJECTION[\"Transverse_Mercator\"],PARAMETER[\"latitude_of_origin\",0],PARAMETER[\"central_meridian\",9],"
+                "PARAMETER[\"scale_factor\",1],PARAMETER[\"false_easting\",3500000],PARAMETER[\"false_northing\",0],UNIT[\"metre\",1],"
+                "AXIS[\"Northing\",NORTH],AXIS[\"Easting\",EAST]]";
+    if (!heights) return plane;
+    return "COMPD_CS[\"with heights\"," + plane + ",VERT_CS[\"DHHN92 height\",VERT_DATUM[\"Deutsches Haupthoehennetz 1992\",2005,"
+           "AUTHORITY[\"EPSG\",\"5181\"]],UNIT[\"metre\",1],AXIS[\"Up\",UP],AUTHORITY[\"EPSG\",\"5783\"]]]";
+}
+
+// Heights that stay as they are leave x and y where the system of the plane alone has them, and east remains x.
+TEST(ReprojectedSource, EastIsXInACompoundSystemWithAShiftToWgs84) {
+    const Quantization gauss = {Vec3d::Constant(1e-5), Vec3d(3'500'000.0, 5'400'000.0, 0.0)};
+    const Quantization utm = {Vec3d::Constant(1e-5), Vec3d(500'000.0, 5'398'000.0, 0.0)};
+    const Vec3i high(0, 0, 10'000'000);
+    for (const char* const kind : {"projected", "geographic"}) {
+        const bool projected = kind == std::string("projected");
+        const std::string plane = old_german(kind, false), solid = old_german(kind, true);
+        const Quantization here = projected ? gauss : degrees_at(9.0, 48.7);
+        // On the central meridian of both; the datums are some hundred meters apart.
+        const Vec3d expected = transformed(plane, here, "EPSG:25832", high);
+        EXPECT_NEAR(expected.x(), 500'000.0, 200.0) << kind;
+        EXPECT_DOUBLE_EQ(expected.z(), 100.0) << kind;
+        EXPECT_LT((transformed(solid, here, "EPSG:25832", high) - expected).cwiseAbs().maxCoeff(), 2e-5) << kind;
+        // Between the same heights PROJ takes a grid for the plane where it has one: half a meter away.
+        EXPECT_LT((transformed(solid, here, "EPSG:25832+5783", high) - expected).cwiseAbs().maxCoeff(), 1.0) << kind;
+        const Vec3d there = transformed("EPSG:25832", utm, plane, high);
+        EXPECT_NEAR(there.x(), projected ? 3'500'000.0 : 9.0, projected ? 200.0 : 0.01) << kind;
+        for (const char* const from : {"EPSG:25832", "EPSG:25832+5783"})
+            EXPECT_LT((transformed(from, utm, solid, high) - there).cwiseAbs().maxCoeff(), projected ? 2e-5 : 2e-10) << from << " to " << kind;
+    }
+}
+
 TEST(ReprojectedSource, OutAndBackIsWithinOneQuantum) {
     for (const char* const there : {"EPSG:4326", "EPSG:4978", "EPSG:32633", "EPSG:3857", "EPSG:4979"}) {
         const auto before = utm_scan();
