@@ -12,7 +12,7 @@ std::unique_ptr<PointSource> with_crs(std::unique_ptr<PointSource> source, const
 
 /// The points of a source in another coordinate reference system, by PROJ. They get a quantization of their own: steps as fine as
 /// the source's on the ground, a power of ten where the unit changes, wider (and a note) only where int32 asks for it; an offset that is
-/// whole. Where neither system says anything of heights, z stays the integers it is; where both are one, x and y do too.
+/// whole. Where neither system says anything of heights, z stays the integers it is; where both are one, the source itself is returned.
 /// Reads the source once, to know where its points come to lie; info().bounds is exact.
 /// name    of the source, for messages
 /// throws  Error{usage}: PROJ cannot read a system, or the source says none; Error{unsupported}: there is no way, or heights lack a

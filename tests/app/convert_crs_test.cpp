@@ -151,6 +151,19 @@ TEST_F(ConvertCrs, FilesOfTwoZonesMeet) {
     EXPECT_NEAR(info["bounds"]["max"][0].get<double>(), 452'000.0, 3'000.0);
 }
 
+// GeoTIFF keys stay keys, and LAS 1.2 what it is.
+TEST_F(ConvertCrs, ItsOwnSystemIsNoChange) {
+    const std::string scan = write_scan("scan.las", 32632), plain = folder_.file("plain.las"), same = folder_.file("same.las");
+    (void)converted({scan, plain});
+    EXPECT_TRUE(converted({scan, same, "--out-crs", "EPSG:32632"})["notes"].empty());
+    const auto content = [](const std::string& path) {
+        std::ifstream file(path, std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(file), {});
+    };
+    EXPECT_GT(content(plain).size(), 10'000u * 34);
+    EXPECT_TRUE(content(plain) == content(same));
+}
+
 TEST_F(ConvertCrs, TheCallerMaySayTheSystem) {
     const std::string silent = write_scan("silent.las", 0);
     (void)converted({silent, out_, "--in-crs", "EPSG:25832"});
