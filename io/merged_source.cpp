@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "io/crs/crs_text.h"
+#include "io/las/las_promotion.h"
 
 namespace strata {
 namespace {
@@ -18,24 +19,30 @@ namespace {
 using namespace attribute_name;
 
 constexpr double kLeastQuanta = std::numeric_limits<int32_t>::min(), kMostQuanta = std::numeric_limits<int32_t>::max();
-constexpr double kScanAngleStep = 0.006;  // degrees, LAS 1.4 R15, table 13
 
-enum class Conversion { absent, copy, widen_rgb, rank_to_angle, to_double };
+enum class Conversion { absent, copy, widen_rgb, rank_to_angle, promote_class, promote_flags, to_double };
 
 // How one column of the merged cloud comes from a source.
 struct ColumnPlan {
     Conversion conversion = Conversion::absent;
-    int index = -1;  // of the source's attribute
+    int index = -1;  // of the source's attribute; -1: it has none
 };
 
 struct SourcePlan {
     std::vector<ColumnPlan> columns;  // one per attribute of the merged cloud
+    int old_class = -1;               // index of the classification that promote_flags looks at
     // quanta of the merged cloud = quanta * ratio + shift; both whole where scales agree
     std::array<double, 3> ratio, shift;
 };
 
+bool is_scan_angle(const Attribute& attribute) {
+    return attribute.name == kScanAngle && attribute.type == ScalarType::int16 && attribute.components == 1;
+}
+
+bool is_rank(const Attribute& attribute) { return attribute.name == kScanAngleRank && attribute.size_bytes() == 1; }
+
 std::string merged_name(const Attribute& attribute, bool with_scan_angle) {
-    return with_scan_angle && attribute.name == kScanAngleRank ? std::string(kScanAngle) : attribute.name;
+    return with_scan_angle && is_rank(attribute) ? std::string(kScanAngle) : attribute.name;
 }
 
 bool stored_alike(const Attribute& a, const Attribute& b) {
@@ -54,7 +61,7 @@ std::vector<Attribute> unite_attributes(const std::vector<std::unique_ptr<PointS
     std::vector<Attribute> all;
     for (size_t s = 0; s < sources.size(); ++s)
         for (Attribute attribute : sources[s]->info().attributes) {
-            if (with_scan_angle && attribute.name == kScanAngleRank) continue;
+            if (with_scan_angle && is_rank(attribute)) continue;
             const int index = find_attribute(all, attribute.name);
             if (index < 0) {
                 all.push_back(std::move(attribute));
@@ -116,12 +123,16 @@ public:
     MergedSource(std::vector<std::unique_ptr<PointSource>> sources, std::vector<std::string> names)
         : sources_(std::move(sources)), names_(std::move(names)) {
         first_batch_.push_back(0);
+        const bool with_scan_angle = std::any_of(sources_.begin(), sources_.end(), [](const auto& source) {
+            return std::any_of(source->info().attributes.begin(), source->info().attributes.end(), is_scan_angle);
+        });
         for (size_t s = 0; s < sources_.size(); ++s) {
             const CloudInfo& info = sources_[s]->info();
             first_batch_.push_back(first_batch_.back() + sources_[s]->batch_count());
             info_.points += info.points;
             if (info.points > 0) info_.bounds.extend(info.bounds);
             for (const std::string& text : info.notes) note(s, text);
+            if (with_scan_angle && std::any_of(info.attributes.begin(), info.attributes.end(), is_rank)) note(s, std::string(las::kPromotionNote));
             unite_crs(s);
             if (!info_.adjusted_gps_time) info_.adjusted_gps_time = info.adjusted_gps_time;
             if (info.adjusted_gps_time && info.adjusted_gps_time != info_.adjusted_gps_time)
@@ -134,9 +145,6 @@ public:
         }
         info_.format = sources_.front()->info().format + ", " + std::to_string(sources_.size()) + " files";
         info_.quantization = unite_quantization(sources_, info_.bounds, info_.notes);
-        const bool with_scan_angle = std::any_of(sources_.begin(), sources_.end(), [](const auto& source) {
-            return find_attribute(source->info().attributes, kScanAngle) >= 0;
-        });
         info_.attributes = unite_attributes(sources_, names_, with_scan_angle);
         plan(with_scan_angle);
     }
@@ -148,8 +156,13 @@ public:
         const size_t s = size_t(std::upper_bound(first_batch_.begin(), first_batch_.end(), index) - first_batch_.begin()) - 1;
         const SourcePlan& plan = plans_[s];
         std::vector<int> source_wanted;
-        for (const int i : wanted)
-            if (plan.columns[size_t(i)].index >= 0) source_wanted.push_back(plan.columns[size_t(i)].index);
+        const auto want = [&](int column) {
+            if (column >= 0 && std::find(source_wanted.begin(), source_wanted.end(), column) == source_wanted.end()) source_wanted.push_back(column);
+        };
+        for (const int i : wanted) {
+            want(plan.columns[size_t(i)].index);
+            if (plan.columns[size_t(i)].conversion == Conversion::promote_flags) want(plan.old_class);
+        }
         thread_local PointBatch batch;
         sources_[s]->read_batch(index - first_batch_[s], source_wanted, batch);
         resize_batch(out, batch.size, info_.attributes, wanted);
@@ -194,18 +207,22 @@ private:
             const CloudInfo& info = sources_[s]->info();
             SourcePlan& plan = plans_.emplace_back();
             plan.columns.resize(info_.attributes.size());
+            bool from_older_format = false;
             for (size_t i = 0; i < info.attributes.size(); ++i) {
                 const Attribute& attribute = info.attributes[i];
                 const int merged = find_attribute(info_.attributes, merged_name(attribute, with_scan_angle));
                 ColumnPlan& column = plan.columns[size_t(merged)];
                 column = {Conversion::copy, int(i)};
-                if (attribute.name != info_.attributes[size_t(merged)].name)
-                    column.conversion = Conversion::rank_to_angle;
-                else if (!stored_alike(attribute, info_.attributes[size_t(merged)]))
+                if (attribute.name != info_.attributes[size_t(merged)].name) {
+                    const bool steps = is_scan_angle(info_.attributes[size_t(merged)]);
+                    column.conversion = steps ? Conversion::rank_to_angle : Conversion::to_double;
+                    from_older_format = true;
+                } else if (!stored_alike(attribute, info_.attributes[size_t(merged)]))
                     column.conversion = Conversion::to_double;
                 else if (attribute.name == kRgb && deep_rgb && depths[s] == 8)
                     column.conversion = Conversion::widen_rgb;
             }
+            if (from_older_format) promote_overlap(s, plan);
             for (int axis = 0; axis < 3; ++axis) {
                 const double scale = info_.quantization.scale[axis];
                 const double shift = (info.quantization.offset[axis] - info_.quantization.offset[axis]) / scale;
@@ -218,6 +235,19 @@ private:
                 info_.worst_rounding = std::max(info_.worst_rounding, info.worst_rounding + (rounding > 1e-6 * scale ? rounding : 0.0));
             }
         }
+    }
+
+    // Among points of formats 6 to 10 class 12 would mean nothing. A data set that came from elsewhere may lack the flags.
+    void promote_overlap(size_t s, SourcePlan& plan) const {
+        const int old_class = find_attribute(sources_[s]->info().attributes, kClassification);
+        const int merged_class = find_attribute(info_.attributes, kClassification), flags = find_attribute(info_.attributes, kClassificationFlags);
+        if (old_class < 0 || flags < 0) return;
+        ColumnPlan &class_column = plan.columns[size_t(merged_class)], &flag_column = plan.columns[size_t(flags)];
+        if (info_.attributes[size_t(merged_class)].size_bytes() != 1 || class_column.conversion != Conversion::copy) return;
+        if (info_.attributes[size_t(flags)].size_bytes() != 1 || flag_column.conversion == Conversion::to_double) return;
+        plan.old_class = old_class;
+        class_column.conversion = Conversion::promote_class;
+        flag_column.conversion = Conversion::promote_flags;
     }
 
     void convert_axis(size_t s, size_t axis, const std::vector<int32_t>& in, std::vector<int32_t>& out) const {
@@ -242,18 +272,24 @@ private:
     }
 
     void convert_column(size_t s, const ColumnPlan& plan, PointBatch& batch, std::vector<std::byte>& out) const {
-        if (plan.conversion == Conversion::absent) {
-            std::fill(out.begin(), out.end(), std::byte{0});
+        if (plan.index < 0) std::fill(out.begin(), out.end(), std::byte{0});
+        if (plan.conversion == Conversion::promote_flags) {
+            if (plan.index >= 0) out = batch.columns[size_t(plan.index)];
+            const std::vector<std::byte>& classes = batch.columns[size_t(plans_[s].old_class)];
+            for (size_t i = 0; i < out.size(); ++i) out[i] |= std::byte(las::flags_of_class(uint8_t(classes[i])));
             return;
         }
+        if (plan.index < 0) return;
         const std::vector<std::byte>& in = batch.columns[size_t(plan.index)];
         switch (plan.conversion) {
             case Conversion::absent:
+            case Conversion::promote_flags:
             case Conversion::copy: std::copy(in.begin(), in.end(), out.begin()); break;
             case Conversion::widen_rgb: convert<uint16_t, uint16_t>(in, out, [](uint16_t channel) { return uint16_t(channel * 257); }); break;
             case Conversion::rank_to_angle:
-                convert<int16_t, int8_t>(in, out, [](int8_t rank) { return int16_t(std::lround(rank / kScanAngleStep)); });
+                convert<int16_t, int8_t>(in, out, las::angle_of_rank);
                 break;
+            case Conversion::promote_class: convert<uint8_t, uint8_t>(in, out, las::promoted_class); break;
             case Conversion::to_double: convert_to_double(sources_[s]->info().attributes[size_t(plan.index)], in, out); break;
         }
     }

@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "io/las/las_layout.h"
+#include "io/las/las_promotion.h"
 
 namespace strata::las {
 namespace {
@@ -89,7 +90,7 @@ Columns::Columns(int point_format, size_t record_size, const std::vector<ExtraAt
         bits(kNumberOfReturns, copy_bits<4, 15>, 14);
         field(kClassificationFlags, uint8, 15);
         field(kClassification, uint8, 16);
-        field(kScanAngle, int16, 18, 1, 0.006);
+        field(kScanAngle, int16, 18, 1, kScanAngleStep);
         field(kUserData, uint8, 17);
         field(kPointSourceId, uint16, 20);
     } else {

@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "io/las/las_layout.h"
+#include "io/las/las_promotion.h"
 
 namespace strata::las {
 namespace {
@@ -17,9 +18,7 @@ using namespace attribute_name;
 // Records of one pass over all attributes: they stay in the first-level cache while each attribute fills its field of them.
 constexpr size_t kTileBytes = 16 * 1024;
 constexpr size_t kReturnByte = 14, kFlagByte = 15;
-constexpr size_t kMostBytes = 65535;      // of a record and of a VLR: both lengths are 16-bit
-constexpr double kScanAngleStep = 0.006;  // degrees, LAS 1.4 R15, table 13
-constexpr uint8_t kOldOverlapClass = 12, kUnclassified = 1, kOverlapFlag = 8;
+constexpr size_t kMostBytes = 65535;  // of a record and of a VLR: both lengths are 16-bit
 
 [[noreturn]] void fail_value(const RecordField& field, double value, const std::string& holds) {
     std::string number = std::to_string(value);
@@ -72,20 +71,18 @@ void split_flags(const RecordField& field, const std::byte* values, size_t strid
     }
 }
 
-// From the byte of flags on, which the class follows. Class 12 of formats 0 to 5 says overlap and nothing else of the point;
-// formats 6 to 10 have a flag for it and reserve the class.
+// From the byte of flags on, which the class follows.
 void promote_class(const RecordField&, const std::byte* values, size_t stride, size_t count, std::byte* records, size_t record_size) {
     for (size_t i = 0; i < count; ++i) {
         const auto value = uint8_t(values[i * stride]);
-        const bool overlap = value == kOldOverlapClass;
-        records[i * record_size] |= std::byte(overlap ? kOverlapFlag : 0);
-        records[i * record_size + 1] = std::byte(overlap ? kUnclassified : value);
+        records[i * record_size] |= std::byte(flags_of_class(value));
+        records[i * record_size + 1] = std::byte(promoted_class(value));
     }
 }
 
 void promote_rank(const RecordField&, const std::byte* values, size_t stride, size_t count, std::byte* records, size_t record_size) {
     for (size_t i = 0; i < count; ++i) {
-        const auto angle = int16_t(std::lround(int8_t(values[i * stride]) / kScanAngleStep));
+        const int16_t angle = angle_of_rank(int8_t(values[i * stride]));
         std::memcpy(records + i * record_size, &angle, sizeof angle);
     }
 }
@@ -267,7 +264,7 @@ RecordFields::RecordFields(int point_format, const std::vector<Attribute>& attri
         if (missing.name == kGpsTime) notes_.push_back("there is no GPS time: it becomes 0");
         if (missing.name == kRgb) notes_.push_back("there is no color: it becomes 0");
     }
-    if (promoted) notes_.push_back("scan angles of whole degrees become steps of 0.006, class 12 becomes class 1 with the overlap flag");
+    if (promoted) notes_.emplace_back(kPromotionNote);
     if (record_size_ > kMostBytes || entries_.size() * kExtraBytesRecordBytes > kMostBytes)
         throw Error(ErrorKind::limit, "LAS: " + std::to_string(record_size_) + " bytes a point in " + std::to_string(entries_.size()) +
                                           " extra attributes: " + std::to_string(kMostBytes) + " bytes and " +

@@ -180,7 +180,8 @@ TEST_F(ConvertPlain, ManyFilesBecomeOne) {
 TEST_F(ConvertPlain, OldPointsAmongNewOnesArePromoted) {
     LasFile old{.point_format = 1}, young{.minor_version = 4, .point_format = 7, .global_encoding = 17};
     old.records = {
-        test::las_record(1, {.x = 1, .return_number = 2, .number_of_returns = 3, .classification = 5, .scan_angle = -30, .gps_time = 9.0})};
+        test::las_record(1, {.x = 1, .return_number = 2, .number_of_returns = 3, .classification = 5, .scan_angle = -30, .gps_time = 9.0}),
+        test::las_record(1, {.x = 3, .flags = 1, .classification = 12})};
     young.records = {test::las_record(7, {.x = 2,
                                           .return_number = 9,
                                           .number_of_returns = 12,
@@ -193,10 +194,12 @@ TEST_F(ConvertPlain, OldPointsAmongNewOnesArePromoted) {
     const json report = convert({file("old.las"), file("young.las"), file("out.las")});
     EXPECT_EQ(report["point_format"], 7);
     EXPECT_NE(report["notes"].dump().find("young.las: GPS times are standard time"), std::string::npos);
+    EXPECT_NE(report["notes"].dump().find("old.las: scan angles of whole degrees become"), std::string::npos);
     LasFile expected = young;
     expected.records = {
         test::las_record(7,
                          {.x = 1, .return_number = 2, .number_of_returns = 3, .classification = 5, .scan_angle = -5000, .gps_time = 9.0}),
+        test::las_record(7, {.x = 3, .flags = 9, .classification = 1}),
         young.records[0]};
     write(file("expected.las"), expected);
     EXPECT_TRUE(Records(file("out.las")).bytes == Records(file("expected.las")).bytes);

@@ -122,6 +122,29 @@ TEST(MergedSource, ScanAnglesMeetInTheFinerUnit) {
     EXPECT_EQ(values_of(*merged, test::points_of(*merged), "scan angle"), (Values{-15000, 500}));  // -90 / 0.006
 }
 
+// Formats 6 to 10 have a flag where class 12 of the older ones says overlap; their own class 12 is what its writer meant by it.
+TEST(MergedSource, TheOldClassOfOverlapBecomesAFlagAmongNewPoints) {
+    LasFile old{.point_format = 1}, extended{.minor_version = 4, .point_format = 6};
+    old.records = {las_record(1, {.flags = 0x45, .classification = 12}), las_record(1, {.flags = 2, .classification = 31})};
+    extended.records = {las_record(6, {.flags = 1, .classification = 12})};
+    const auto merged = merge({old, extended});
+    const PointBatch points = test::points_of(*merged);
+    EXPECT_EQ(values_of(*merged, points, "classification"), (Values{1, 31, 12}));
+    EXPECT_EQ(values_of(*merged, points, "classification flags"), (Values{0x4D, 2, 1}));
+    EXPECT_EQ(merged->info().notes,
+              std::vector<std::string>{
+                  "file0: scan angles of whole degrees become steps of 0.006, class 12 becomes class 1 with the overlap flag"});
+    // The flags alone follow from the class, too.
+    const int flags = find_attribute(merged->info().attributes, attribute_name::kClassificationFlags);
+    PointBatch batch;
+    merged->read_batch(0, {&flags, 1}, batch);
+    EXPECT_EQ(batch.columns[size_t(flags)], (std::vector{std::byte(0x4D), std::byte(2)}));
+    // Without new points nothing is promoted.
+    const auto both_old = merge({old, old});
+    EXPECT_EQ(values_of(*both_old, test::points_of(*both_old), "classification"), (Values{12, 31, 12, 31}));
+    EXPECT_EQ(both_old->info().notes, std::vector<std::string>{});
+}
+
 TEST(MergedSource, AttributesStoredDifferentlyBecomeTrueValues) {
     LasFile a, b;
     a.vlrs = {{"LASF_Spec", 4, test::extra_bytes_entry("h", 3, 1 | 8, {0.5}, {}, 65535)}};
