@@ -65,15 +65,16 @@ void count_batch(const PointBatch& batch, const OctreeFrame& frame, Partition& p
     if (run > 0) partition.count(run_x, run_y, run_z, run);
 }
 
-template <typename T>
-void extend_ranges(std::span<const T> values, int components, std::vector<double>& low, std::vector<double>& high) {
+template <typename T, typename IsNone>
+void extend_ranges(std::span<const T> values, int components, IsNone is_none, std::vector<double>& low, std::vector<double>& high) {
     for (int c = 0; c < components; ++c) {
         T least = std::numeric_limits<T>::max(), greatest = std::numeric_limits<T>::lowest();
         for (size_t i = size_t(c); i < values.size(); i += size_t(components)) {
+            if (is_none(values[i])) continue;
             least = values[i] < least ? values[i] : least;
             greatest = values[i] > greatest ? values[i] : greatest;
         }
-        if (least > greatest) continue;  // no value, or none but NaN
+        if (least > greatest) continue;  // none but NaN and no_data
         low[size_t(c)] = std::min(low[size_t(c)], double(least));
         high[size_t(c)] = std::max(high[size_t(c)], double(greatest));
     }
@@ -213,7 +214,14 @@ AttributeRanges::AttributeRanges(const std::vector<Attribute>& attributes) {
 
 void AttributeRanges::extend(const std::vector<Attribute>& attributes, const PointBatch& batch) {
     for (size_t a = 0; a < attributes.size(); ++a) {
-        const auto extend_as = [&]<typename T>() { extend_ranges(batch.column<T>(a), attributes[a].components, min[a], max[a]); };
+        const double no_data = attributes[a].no_data;
+        const auto extend_as = [&]<typename T>() {
+            const auto extend_without = [&](auto is_none) { extend_ranges(batch.column<T>(a), attributes[a].components, is_none, min[a], max[a]); };
+            if (std::isnan(no_data))
+                extend_without([](T) { return false; });  // nothing to compare in this loop over all points
+            else
+                extend_without([no_data](T value) { return double(value) == no_data; });
+        };
         switch (attributes[a].type) {
             case ScalarType::int8: extend_as.operator()<int8_t>(); break;
             case ScalarType::uint8: extend_as.operator()<uint8_t>(); break;

@@ -25,7 +25,7 @@ struct QuantaBounds {
 QuantaBounds count_points(const PointSource& source, int threads, const OctreeFrame& frame, Partition* partition,
                           const OnPoints& on_points);
 
-/// Least and greatest stored value of each component of each attribute; NaN is passed over.
+/// Least and greatest stored value of each component of each attribute; NaN and no_data are passed over. Least > greatest: no value.
 struct AttributeRanges {
     std::vector<std::vector<double>> min, max;  // [attribute][component]
 

@@ -319,8 +319,11 @@ std::vector<std::byte> RecordFields::extra_bytes_record(std::span<const std::vec
         };
         if (entry.data_type != 0) {
             if (store_any(attribute.type, attribute.no_data, at + 40)) options |= kNoData;
-            if (store_any(attribute.type, said(least), at + 64)) options |= kMin;
-            if (store_any(attribute.type, said(most), at + 88)) options |= kMax;
+            const double low = said(least), high = said(most);
+            if (low <= high) {  // else there is no value
+                if (store_any(attribute.type, low, at + 64)) options |= kMin;
+                if (store_any(attribute.type, high, at + 88)) options |= kMax;
+            }
             if (attribute.scale != 1.0) options |= kScale;
             if (attribute.offset != 0.0) options |= kOffset;
             std::memcpy(at + 112, &attribute.scale, sizeof attribute.scale);

@@ -57,7 +57,7 @@ public:
     const std::vector<size_t>& extra_attributes() const { return extra_attributes_; }
     /// The payload of LASF_Spec 4, 192 bytes an entry; empty where there are no extra bytes. An attribute of several components
     /// takes an entry each, name[0], name[1], ...: arrays are deprecated, and read_extra_bytes joins these.
-    /// least, most  [attribute][component] stored values of the points; empty: not said
+    /// least, most  [attribute][component] stored values of the points; empty, NaN or least > most: not said
     std::vector<std::byte> extra_bytes_record(std::span<const std::vector<double>> least = {},
                                               std::span<const std::vector<double>> most = {}) const;
 

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <tuple>
@@ -266,6 +267,46 @@ TEST_F(Convert, ExtraBytesAndTheCoordinateSystemArrive) {
     ASSERT_GE(index, 0);
     EXPECT_EQ(cloud->info().attributes[size_t(index)].scale, 0.01);
     EXPECT_EQ(cloud->info().attributes[size_t(index)].offset, -5.0);
+}
+
+// What stands for no value is no least one; a column without values has neither a least nor a most.
+TEST_F(Convert, RangesOfExtraBytesPassOverNoData) {
+    test::LasFile file{.minor_version = 4, .point_format = 6};
+    file.vlrs.push_back({"LASF_Spec", 4, test::extra_bytes_entry("height", 4, 1, {}, {}, uint64_t(int64_t(-9999)))});
+    const std::vector<std::byte> nothing = test::extra_bytes_entry("nothing", 9);
+    file.vlrs[0].payload.insert(file.vlrs[0].payload.end(), nothing.begin(), nothing.end());
+    for (int i = 0; i < 30; ++i) {
+        file.records.push_back(test::las_record(6, scan_point(i)));
+        test::put(file.records.back(), int16_t(i < 10 ? -9999 : i));
+        test::put(file.records.back(), std::numeric_limits<float>::quiet_NaN());
+    }
+    const std::string scan = folder_.file("scan.las"), plain = folder_.file("plain.las"), set = folder_.file("set.copc.laz");
+    write_bytes(scan, file.bytes());
+    (void)converted({scan, out_});
+    (void)converted({scan, plain});
+    (void)converted({scan, set});
+    for (const std::string& path : {plain, set}) {
+        SCOPED_TRACE(path);
+        const std::string bytes = test::file_contents(path);
+        const auto at = [&](size_t place) {
+            int64_t value;
+            std::memcpy(&value, bytes.data() + place, sizeof value);
+            return value;
+        };
+        const size_t entry = bytes.find("height") - 4;  // of 192 bytes, the name is the fifth
+        ASSERT_LT(entry, bytes.size());
+        EXPECT_EQ(bytes[entry + 3], 1 | 2 | 4);
+        EXPECT_EQ(at(entry + 40), -9999);
+        EXPECT_EQ(at(entry + 64), 10);
+        EXPECT_EQ(at(entry + 88), 29);
+        EXPECT_EQ(bytes.substr(entry + 192 + 4, 7), "nothing");
+        EXPECT_EQ(bytes[entry + 192 + 3], 0);
+    }
+    const std::unique_ptr<LayeredCloud> cloud = open_layered(out_);
+    const CloudInfo& info = cloud->info();
+    const size_t height = size_t(find_attribute(info.attributes, "height"));
+    EXPECT_EQ(info.attribute_min.at(height), std::vector<double>{10});
+    EXPECT_EQ(info.attribute_max.at(height), std::vector<double>{29});
 }
 
 TEST_F(Convert, SeveralFilesAndAFolderOfThemAreOneCloud) {

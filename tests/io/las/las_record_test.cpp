@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "core/error.h"
@@ -326,6 +327,12 @@ TEST(LasRecord, ExtraBytesAreDescribed) {
               "'a normal that has a rather long name' becomes 'a normal that has a rather lo[2]': names of extra bytes are at most 32 "
               "bytes long");
     EXPECT_EQ(fields.extra_bytes_record()[3], std::byte(1 | 8 | 16));  // no min and max where none are said
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    const std::vector<std::vector<double>> from = {{kInfinity}, {kInfinity, -1, kInfinity}}, to = {{-kInfinity}, {-kInfinity, 1, -kInfinity}};
+    const std::vector<std::byte> without = fields.extra_bytes_record(from, to);  // of columns without a value
+    EXPECT_EQ(without[3], std::byte(1 | 8 | 16));
+    EXPECT_EQ(without[192 + 3], std::byte(0));
+    EXPECT_EQ(without[2 * 192 + 3], std::byte(2 | 4));
 }
 
 TEST(LasRecord, AsManyExtraBytesAsARecordHolds) {
