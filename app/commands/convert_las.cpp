@@ -32,8 +32,13 @@ public:
         // As it is where it is the WKT 1 that LAS asks for; else in PROJ's words, unless keys say it.
         const bool keeps_keys = point_format < 6 && !info.crs_records.empty();
         const std::string wkt = is_wkt1(info.crs) ? info.crs : keeps_keys ? std::string() : wkt1_of_crs(info.crs);
-        if (!info.crs.empty() && wkt.empty() && !keeps_keys)
-            report.notes.push_back("the coordinate reference system has no WKT and is left out: " + crs_name(info.crs));
+        if (wkt.empty() && !keeps_keys) {
+            if (!info.crs.empty())
+                report.notes.push_back("the coordinate reference system has no WKT and is left out: " + crs_name(info.crs));
+            else if (!info.crs_records.empty())
+                report.notes.push_back("the GeoTIFF keys say no system that has a WKT, which point format " + std::to_string(point_format) +
+                                       " asks for, and are left out");
+        }
         LasWriter writer(request_.output,
                          {.point_format = point_format,
                           .compressed = request_.format == "laz",

@@ -344,8 +344,8 @@ Part horizontal_part(const ProjContext& context, const GeoKeys& keys, std::vecto
         part.own = true;
         part.object = crs_of_parameters(context, keys, by_parameters);
         if (!part.object)
-            notes.push_back(context.has_database() ? "the coordinate reference system that its GeoTIFF keys describe is not translated: its name is all that is kept"
-                                                   : "the coordinate reference system of its GeoTIFF keys is not translated without PROJ's database, proj.db: its name is all that is kept");
+            notes.push_back(context.has_database() ? "the coordinate reference system that its GeoTIFF keys describe is not translated: no more than its name is known"
+                                                   : "the coordinate reference system of its GeoTIFF keys is not translated without PROJ's database, proj.db: no more than its name is known");
         return part;
     }
     if (code == 0) return part;
@@ -424,7 +424,7 @@ std::string crs_of_geotiff_keys(ByteReader directory, std::span<const std::byte>
         wkt = wkt1_of(context, plane.object.get());
     }
     if (!wkt.empty()) return wkt;
-    notes.push_back("the coordinate reference system of its GeoTIFF keys does not fit WKT: its name is all that is kept");
+    notes.push_back("the coordinate reference system of its GeoTIFF keys does not fit WKT: no more than its name is known");
     return keys.citation();
 }
 

@@ -134,6 +134,24 @@ TEST_F(ConvertCrs, WhatHasNoWktIsLeftOutOfCopcAndSaid) {
     EXPECT_TRUE(info_of(copc)["crs"].is_null());
 }
 
+// A system of its own without parameters or a name: point format 3 keeps the keys, 6 cannot.
+TEST_F(ConvertCrs, KeysThatSayNoSystemAreKeptOrSaidToBeLeftOut) {
+    std::vector<std::byte> keys;
+    for (const int word : {1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 32767}) test::put(keys, uint16_t(word));
+    for (const int format : {3, 6}) {
+        test::LasFile file{.minor_version = uint8_t(format == 3 ? 3 : 4), .point_format = uint8_t(format)};
+        file.records = {test::las_record(format, {})};
+        file.vlrs = {{"LASF_Projection", 34735, keys}};
+        const std::vector<std::byte> bytes = file.bytes();
+        const std::string own = folder_.file("own.las"), las = folder_.file("copy.las");
+        std::ofstream(own, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::streamsize(bytes.size()));
+        json expected = {"the coordinate reference system that its GeoTIFF keys describe is not translated: no more than its name is known"};
+        if (format == 6) expected.push_back("the GeoTIFF keys say no system that has a WKT, which point format 6 asks for, and are left out");
+        EXPECT_EQ(converted({own, las, "--overwrite"})["notes"], expected) << format;
+        EXPECT_EQ(open_points({&las, 1})->info().crs_records.size(), format == 3 ? 1u : 0u);
+    }
+}
+
 // Two zones are two systems: said, and brought to one where that is asked for.
 TEST_F(ConvertCrs, FilesOfTwoZonesMeet) {
     const std::string a = write_scan("a.las", 32632, 900'000.0), b = write_scan("b.las", 32633, 450'000.0, 10'000);
