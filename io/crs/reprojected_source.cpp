@@ -244,7 +244,7 @@ std::unique_ptr<PointSource> with_crs(std::unique_ptr<PointSource> source, const
 
 std::unique_ptr<PointSource> reproject_points(std::unique_ptr<PointSource> source, const std::string& to, const std::string& name, int threads) {
     const std::string from = source->info().crs;
-    if (from.empty()) throw Error(ErrorKind::usage, name + ": the file does not say its coordinate reference system; --in-crs does");
+    if (from.empty()) throw Error(ErrorKind::unsupported, name + ": the file does not say its coordinate reference system; say it, as in --in-crs EPSG:25832");
     // What a file says of its system stays as it is, keys and all; a PROJ string is only ever the caller's.
     if (same_crs(from, to)) return from.starts_with('+') ? with_crs(std::move(source), to) : std::move(source);
     std::unique_ptr<CrsTransformation> way;

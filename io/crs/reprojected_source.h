@@ -15,7 +15,7 @@ std::unique_ptr<PointSource> with_crs(std::unique_ptr<PointSource> source, const
 /// whole. Where neither system says anything of heights, z stays the integers it is; where both are one, the source itself is returned.
 /// Reads the source once, to know where its points come to lie; info().bounds is exact.
 /// name    of the source, for messages
-/// throws  Error{usage}: PROJ cannot read a system, or the source says none; Error{unsupported}: there is no way, or heights lack a
+/// throws  Error{usage}: PROJ cannot read a system; Error{unsupported}: the source says none, there is no way, or heights lack a
 ///         grid; Error{limit}: a point that cannot be transformed, by its number and place
 std::unique_ptr<PointSource> reproject_points(std::unique_ptr<PointSource> source, const std::string& to, const std::string& name,
                                               int threads);

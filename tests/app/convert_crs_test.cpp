@@ -218,7 +218,7 @@ TEST_F(ConvertCrs, WhatCannotBeIsOneLine) {
         EXPECT_EQ(result.first, exit_code) << result.second;
         EXPECT_NE(result.second.find(part), std::string::npos) << result.second;
     };
-    expect(refused({"--out-crs", "EPSG:4326"}), 2, "silent.las: the file does not say its coordinate reference system; --in-crs does");
+    expect(refused({"--out-crs", "EPSG:4326"}), 1, "silent.las: the file does not say its coordinate reference system; say it, as in --in-crs EPSG:25832\n");
     expect(refused({"--out-crs", "EPSG:99999"}), 2, "--out-crs: 'EPSG:99999' is no coordinate reference system that PROJ knows");
     expect(refused({"--in-crs", "Munich"}), 2, "--in-crs: 'Munich' is no coordinate reference system");
     expect(refused({"--in-crs", ""}), 2, "--in-crs: ");

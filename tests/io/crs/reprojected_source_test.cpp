@@ -224,7 +224,8 @@ TEST(ReprojectedSource, APointWithoutAPlaceIsNamed) {
 
 TEST(ReprojectedSource, WhatHasNoWayIsRefused) {
     const Quantization q;
-    EXPECT_EQ(refusal(cloud_in("", q, {}), "EPSG:4326", ErrorKind::usage), "scan.las: the file does not say its coordinate reference system; --in-crs does");
+    EXPECT_EQ(refusal(cloud_in("", q, {}), "EPSG:4326", ErrorKind::unsupported),
+              "scan.las: the file does not say its coordinate reference system; say it, as in --in-crs EPSG:25832");
     EXPECT_TRUE(refusal(cloud_in("mine", q, {}), "EPSG:4326", ErrorKind::usage).starts_with("scan.las: 'mine' is no coordinate reference system that PROJ knows"));
     EXPECT_TRUE(refusal(cloud_in("EPSG:4326", q, {}), "EPSG:99999", ErrorKind::usage).starts_with("scan.las: 'EPSG:99999' is no"));
     EXPECT_TRUE(refusal(cloud_in("LOCAL_CS[\"here\",UNIT[\"metre\",1]]", q, {}), "EPSG:4326", ErrorKind::unsupported).starts_with("scan.las: PROJ knows no way from here to"));
