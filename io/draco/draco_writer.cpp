@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <atomic>
 #include <cctype>
+#include <charconv>
 #include <cstdio>
 #include <mutex>
 #include <numeric>
+#include <string_view>
 #include <utility>
 
 #include "core/error.h"
@@ -125,9 +127,22 @@ private:
     OutputFile file_;
 };
 
+// By their names in the order of the points.
+std::string name_of(uint64_t block) {
+    char name[32];
+    std::snprintf(name, sizeof name, "%06llu.drc", static_cast<unsigned long long>(block));
+    return name;
+}
+
+bool is_block_name(std::string_view name) {
+    uint64_t block = 0;
+    return std::from_chars(name.data(), name.data() + name.size(), block).ec == std::errc() && name == name_of(block);
+}
+
 class FolderWriter : public DracoWriter {
 public:
-    FolderWriter(const std::string& path, const DracoWriteSettings& settings) : settings_(settings), folder_(path, name_of(0), settings.overwrite) {}
+    FolderWriter(const std::string& path, const DracoWriteSettings& settings)
+        : settings_(settings), folder_(path, {.always = {name_of(0)}, .is_part = is_block_name}, settings.overwrite) {}
 
     DracoWriteReport write(const PointSource& source) override {
         const CloudInfo& info = source.info();
@@ -157,12 +172,6 @@ public:
     }
 
 private:
-    // By their names in the order of the points.
-    static std::string name_of(uint64_t block) {
-        char name[32];
-        std::snprintf(name, sizeof name, "%06llu.drc", static_cast<unsigned long long>(block));
-        return name;
-    }
     // Until it is known how many come before it.
     static std::string name_within(uint64_t group, uint64_t part) { return std::to_string(group) + "-" + std::to_string(part); }
 

@@ -14,7 +14,12 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr const char* kMetadataName = "metadata.json";
+constexpr const char *kMetadataName = "metadata.json", *kHierarchyName = "hierarchy.bin", *kPointsName = "octree.bin";
+
+FolderParts parts_of_a_set() {
+    return {.always = {kMetadataName, kHierarchyName, kPointsName},
+            .is_part = [](std::string_view name) { return name == kMetadataName || name == kHierarchyName || name == kPointsName; }};
+}
 
 ordered_json array_of(const Vec3d& v) { return ordered_json::array({v.x(), v.y(), v.z()}); }
 
@@ -38,7 +43,7 @@ Attribute stored_form(Attribute attribute) {
 class Writer : public NodeWriter {
 public:
     Writer(const std::string& folder, const PotreeWriteSettings& settings)
-        : settings_(settings), folder_(folder, kMetadataName, settings.overwrite), points_file_(folder_.path_of("octree.bin"), true) {}
+        : settings_(settings), folder_(folder, parts_of_a_set(), settings.overwrite), points_file_(folder_.path_of(kPointsName), true) {}
 
     void begin(const BuiltCloud& cloud) override {
         cloud_ = cloud;
@@ -77,7 +82,7 @@ public:
         output_bytes_ = points_file_.size();
         points_file_.commit(settings_.durability);
         const PotreeHierarchyFile hierarchy = write_potree_hierarchy(std::move(nodes_));
-        write_file("hierarchy.bin", hierarchy.bytes);
+        write_file(kHierarchyName, hierarchy.bytes);
         const std::string text = metadata(hierarchy).dump(1, '\t', false, ordered_json::error_handler_t::replace);
         write_file(kMetadataName, std::as_bytes(std::span(text)));
         folder_.commit(settings_.durability);

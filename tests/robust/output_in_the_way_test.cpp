@@ -122,6 +122,52 @@ TEST_F(OutputInTheWay, WhatIsNoOutputOfThatKindIsLeftAlone) {
     EXPECT_EQ(entries(folder_.path()), 4u);
 }
 
+// A name that a data set has, too, does not make one of a folder: nothing in it may go.
+TEST_F(OutputInTheWay, AFolderWithMoreThanAnOutputIsLeftAlone) {
+    const std::string project = folder_.file("proj");
+    fs::create_directories(project + "/raw");
+    write(project + "/metadata.json", "{\"project\":\"bridge\"}");
+    write(project + "/field_notes.txt", "x");
+    expect_refused(convert(project), project, "holds 'field_notes.txt', which is no part of a data set; --overwrite would delete it");
+    fs::remove(project + "/field_notes.txt");
+    expect_refused(convert(project), project, "holds 'raw'");
+    fs::remove(project + "/raw");
+    expect_refused(convert(project), project, "is no earlier output (an empty folder or one with metadata.json, hierarchy.bin, octree.bin)");
+    EXPECT_EQ(file_contents(project + "/metadata.json"), "{\"project\":\"bridge\"}");
+
+    // What a user adds to a data set stays; so does a folder under the name of one of its files.
+    const std::string set = folder_.file("set");
+    ASSERT_EQ(convert(set).exit_code, 0);
+    const std::string points = file_contents(set + "/octree.bin");
+    write(set + "/view.html", "x");
+    expect_refused(convert(set), set, "holds 'view.html'");
+    fs::remove(set + "/view.html");
+    fs::rename(set + "/octree.bin", folder_.file("octree.bin"));
+    fs::create_directory(set + "/octree.bin");
+    write(set + "/octree.bin/mine", "x");
+    expect_refused(convert(set), set, "holds 'octree.bin'");
+    EXPECT_EQ(file_contents(set + "/octree.bin/mine"), "x");
+    fs::remove_all(set + "/octree.bin");
+    fs::create_symlink(folder_.file("octree.bin"), set + "/octree.bin");  // the link goes, not what it points to
+    EXPECT_EQ(convert(set).exit_code, 0);
+    EXPECT_TRUE(file_contents(folder_.file("octree.bin")) == points);
+
+    const std::string blocks = folder_.file("blocks");
+    const auto convert_to_blocks = [&] { return run_strata({"convert", scan_, blocks, "--format", "drc", "--overwrite", "--quiet"}); };
+    ASSERT_EQ(convert_to_blocks().exit_code, 0);
+    write(blocks + "/000001.drc", "an earlier output of more points");
+    EXPECT_EQ(convert_to_blocks().exit_code, 0);
+    EXPECT_EQ(entries(blocks), 1u);
+    for (const char* name : {"mysurvey.drc", "1.drc", "0000001.drc", "000001.drc.bak", "-00001.drc"}) {
+        SCOPED_TRACE(name);
+        write(blocks + "/" + name, "x");
+        expect_refused(convert_to_blocks(), blocks, "holds '" + std::string(name) + "'");
+        EXPECT_EQ(file_contents(blocks + "/" + name), "x");
+        fs::remove(blocks + "/" + name);
+    }
+    EXPECT_EQ(entries(folder_.path()), 5u);  // no temporaries
+}
+
 TEST_F(OutputInTheWay, AnInputIsNeverTheOutput) {
     const std::string before = file_contents(scan_);
     expect_refused(convert(scan_), scan_, "is an input");

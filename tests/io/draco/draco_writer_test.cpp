@@ -368,6 +368,12 @@ TEST(DracoWriter, AnEarlierOutputStaysUnlessToldOtherwise) {
     fs::create_directory(folder.file("mine"));
     std::ofstream(folder.file("mine/notes.txt")) << "kept";
     expect_error(ErrorKind::io, "is no earlier output", [&] { make_draco_writer(folder.file("mine"), {.overwrite = true}); });
+
+    // What comes while the writer is at work is kept as well.
+    const std::unique_ptr<DracoWriter> writer = make_draco_writer(folder.file("out"), {.overwrite = true, .durability = kUnsynced});
+    std::ofstream(folder.file("out/late.txt")) << "kept";
+    expect_error(ErrorKind::io, "holds 'late.txt'", [&] { writer->write(source); });
+    EXPECT_TRUE(fs::exists(folder.file("out/late.txt")));
 }
 
 // Our own metadata may lie as well as Draco's; each cut and flip is refused or read to the last point.
