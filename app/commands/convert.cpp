@@ -28,7 +28,7 @@ constexpr OptionRow kRows[] = {
     {"--format", "-f", "FORMAT", "", "format of OUT: potree, copc, las, laz or drc; default: what the ending of OUT says, else potree"},
     {"--encoding", "-e", "default|brotli", "default", "potree: plain records, or smaller and slower"},
     {"--quality", "", "0...11", "2", "effort of the brotli encoding; the user guide has its size and time"},
-    {"--max-error", "", "UNITS", "", "drc: how far a coordinate may move, CRS units; default: half of the source's quantum, so that strata reads its integers back"},
+    {"--max-error", "", "UNITS", "", "drc: how far a coordinate may move, CRS units; default: half of the source's quantum, so that strata reads its integers back; where Draco has no room for that, what it has, with a note"},
     {"--bounds", "-b", "BOX", "", "only the points in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units; a number left out is no limit; several with ';'"},
     {"--classes", "-c", "LIST", "", "only the points of these classes: 2,6 or 3:5"},
     {"--every", "", "N", "1", "only every N-th point, of those that the others leave"},

@@ -1,6 +1,7 @@
 // What strata convert does for Draco: a file, or a folder of blocks.
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "app/commands/convert_output.h"
 #include "app/quantity_text.h"
@@ -9,6 +10,16 @@
 
 namespace strata {
 namespace {
+
+// The default promises the source's integers; Draco may have no room for them.
+std::string coarser_note(const CloudInfo& info, double worst_error) {
+    const double half = info.quantization.scale.minCoeff() / 2.0;
+    char note[256];
+    std::snprintf(note, sizeof note,
+                  "coordinates move by up to %.3g: Draco has no room for half a quantum of the source, %.3g, over this extent; are there points far from the others? --max-error %.3g refuses instead",
+                  worst_error, half, half);
+    return note;
+}
 
 class DracoOutput : public ConvertOutput {
 public:
@@ -36,10 +47,13 @@ public:
         char shape[96];
         std::snprintf(shape, sizeof shape, "in %s block%s, coordinates within %.3g%s", with_commas(report.blocks).c_str(), report.blocks == 1 ? "" : "s",
                       report.worst_error, report.exact ? " (exact in strata)" : "");
+        std::vector<std::string> notes;
+        if (settings_.max_error == 0.0 && !report.exact) notes.push_back(coarser_note(source.info(), report.worst_error));
         return {.points_read = report.points,
                 .points_written = report.points,
                 .output_bytes = report.output_bytes,
                 .worst_rounding = source.info().worst_rounding + report.worst_error,
+                .notes = std::move(notes),
                 .shape = shape};
     }
 

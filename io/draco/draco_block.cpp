@@ -66,13 +66,13 @@ QuantaRange range_of(const PointBatch& points) {
     return range;
 }
 
-// What each axis of a block may be off by.
+// What each axis of a block may be off by, which as a default is no less than there are integer steps for.
 Vec3d error_of(const BlockFrame& frame, const QuantaRange& range) {
     if (frame.max_error > 0.0) return Vec3d::Constant(frame.max_error);
     Vec3d error;
     for (size_t axis = 0; axis < 3; ++axis) {
         const double extent = double(range.max[axis]) - range.min[axis];  // quanta
-        error[Eigen::Index(axis)] = frame.quantization.scale[Eigen::Index(axis)] * std::max(0.5, extent / (1 << kMostBits));
+        error[Eigen::Index(axis)] = frame.quantization.scale[Eigen::Index(axis)] * std::max(0.5, extent / double(kMostIntegerSteps));
     }
     return error;
 }

@@ -17,7 +17,7 @@ struct BlockFrame {
 
 /// The frame of a source; reads points only to learn how many bits its colors use.
 /// max_error  world units, the same for each axis. 0: half a quantum, so that the source's own integers come back; but no
-///            finer than 2^-23 of what a block extends along the axis, near the limit of float32
+///            finer than 2^-25 of what a block extends along the axis, the most steps that Draco compresses
 BlockFrame block_frame(const PointSource& source, double max_error, int threads);
 
 struct EncodedBlock {

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/io/draco/draco_cloud.h"
+#include "tests/support/las_file.h"
 #include "tests/support/run_program.h"
 #include "tests/support/scan_files.h"
 #include "tests/support/temporary_folder.h"
@@ -152,6 +153,43 @@ TEST(DracoCommands, MaxErrorIsHeldAndReported) {
     }
     const ProgramResult told = run_strata({"convert", scan, folder.file("told.drc"), "--max-error", "0.05"});
     EXPECT_NE(told.err.find("in 1 block, coordinates within 0.03"), std::string::npos) << told.err;  // half of 2^-4
+}
+
+// A point so far away that Draco has no steps for the quanta between: what the default promises is not held, which is said.
+TEST(DracoCommands, ADefaultThatCannotBeHeldIsSaid) {
+    const TemporaryFolder folder;
+    const auto write_stray = [&](const std::string& name, int32_t away) {
+        test::LasFile las{.scale = {0.001, 0.001, 0.001}, .max = {0.001 * away, 0.001 * away, 0.001 * away}};
+        for (int i = 0; i < 1000; ++i) las.records.push_back(test::las_record(0, {.x = i % 10, .y = i / 10 % 10, .z = i / 100}));
+        las.records.push_back(test::las_record(0, {.x = away, .y = away, .z = away}));
+        write(folder.file(name), las.bytes());
+        return folder.file(name);
+    };
+    // 20 km are too far for float32 and not for integers.
+    const ProgramResult near = run_strata({"convert", write_stray("near.las", 20'000'000), folder.file("near.drc"), "--json"});
+    ASSERT_EQ(near.exit_code, 0) << near.err;
+    EXPECT_EQ(json::parse(near.out)["exact"], true);
+    EXPECT_EQ(json::parse(near.out)["notes"], json::array());
+
+    // 10^9 quanta over 2^25 are 29.8: every 59th is there, and 10^9 is 27 from the next of them.
+    const std::string scan = write_stray("stray.las", 1'000'000'000);
+    const ProgramResult silent = run_strata({"convert", scan, folder.file("stray.drc"), "--json"});
+    ASSERT_EQ(silent.exit_code, 0) << silent.err;
+    const json report = json::parse(silent.out);
+    EXPECT_EQ(report["exact"], false);
+    EXPECT_NEAR(report["worst_rounding"], 0.027, 1e-9);
+    ASSERT_EQ(report["notes"].size(), 1u);
+    const std::string note = report["notes"][0];
+    EXPECT_TRUE(note.starts_with("coordinates move by up to 0.027: ")) << note;
+    EXPECT_NE(note.find("--max-error 0.0005 refuses"), std::string::npos) << note;
+    const ProgramResult told = run_strata({"convert", scan, folder.file("told.drc")});
+    EXPECT_NE(told.err.find("note: " + note), std::string::npos) << told.err;
+
+    const ProgramResult refused = run_strata({"convert", scan, folder.file("half.drc"), "--max-error", "0.0005"});
+    EXPECT_EQ(test::refusal_verdict(refused), "");
+    const ProgramResult asked = run_strata({"convert", scan, folder.file("asked.drc"), "--max-error", "0.05", "--json"});
+    ASSERT_EQ(asked.exit_code, 0) << asked.err;
+    EXPECT_EQ(json::parse(asked.out)["notes"], json::array());
 }
 
 TEST(DracoCommands, WhatIsAskedWronglyIsSaid) {

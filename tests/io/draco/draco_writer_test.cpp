@@ -124,12 +124,14 @@ std::vector<HardCase> hard_cases() {
     add("equal_points", walk(100'000, {0, 0, 0}, mm, utm), 0, all(0.0), true, true);
     add("steps_of_a_power_of_two", walk(3000, {100'000, 100'000, 100'000}, all(0x1p-9), utm), 0, all(0.0), true, true);
     add("odd_steps", walk(3000, {100'000, 100'000, 100'000}, {0.00025, 0.0007, 0.01}, utm), 0, all(0.000125), true, true);
-    add("nine_kilometers", walk(3000, {9'000'000, 9'000'000, 90'000}, mm, utm), 0, all(0.0011), false, true);
+    add("nine_kilometers", walk(3000, {9'000'000, 9'000'000, 90'000}, mm, utm), 0, all(0.0005), true, false);
+    add("twenty_kilometers_of_road", walk(3000, {20'000'000, 900'000, 90'000}, mm, utm), 0, all(2.0), true, false);
+    add("twenty_kilometers_each_way", walk(3000, {20'000'000, 20'000'000, 20'000'000}, mm, utm), 0, all(2.0), true, false);
     add("degrees", walk(3000, {90'000, 90'000, 90'000}, {1e-7, 1e-7, 0.01}, {11, 48, 0}), 0, {0, 0, 0}, true, false);
     add("beyond_float", walk(3000, {20'000'000, 20'000'000, 90'000}, mm, utm), 0.0005, all(2.0), true, false);
     add("beyond_float_coarse", walk(3000, {2'000'000'000, 900'000, 90'000}, mm, utm), 0.1, all(0.1 + 1000 * 0x1p-10), false, false);
     add("finer_than_its_steps", walk(3000, {900'000, 900'000, 90'000}, mm, utm), 1e-5, all(0x1p-5), true, false);
-    add("floats_in_disguise", walk(3000, {1'000'000'000, 1'000'000'000, 500'000'000}, all(1e-9), Vec3d::Zero()), 0, all(0x1p-23), false, true);
+    add("floats_in_disguise", walk(3000, {1'000'000'000, 1'000'000'000, 500'000'000}, all(1e-9), Vec3d::Zero()), 0, all(0x1p-25), false, false);
     return cases;
 }
 
