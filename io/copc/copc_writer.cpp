@@ -34,6 +34,7 @@ struct Encoder {
     std::unique_ptr<las::LazEncoder> laz;
     std::vector<std::byte> packed, records, sorted;
     std::vector<std::pair<double, uint32_t>> times;  // of the points, and their places
+    double least_time = std::numeric_limits<double>::infinity(), most_time = -least_time;  // the finite ones of all points it had
 
     // Brings the records into the order in which they were measured: neighbors in time are neighbors on the ground, returns of one
     // pulse come together, and times make small steps. That takes 15 to 37 % less room than the builder's order by cells.
@@ -45,6 +46,11 @@ struct Encoder {
             times[i] = {std::isnan(time) ? std::numeric_limits<double>::infinity() : time, uint32_t(i)};
         }
         std::sort(times.begin(), times.end());
+        const auto is_finite = [](const auto& time) { return std::isfinite(time.first); };
+        if (const auto first = std::find_if(times.begin(), times.end(), is_finite); first != times.end()) {
+            least_time = std::min(least_time, first->first);
+            most_time = std::max(most_time, std::find_if(times.rbegin(), times.rend(), is_finite)->first);
+        }
         sorted.resize(records.size());
         for (size_t i = 0; i < times.size(); ++i)
             std::memcpy(sorted.data() + i * record_size, records.data() + times[i].second * record_size, record_size);
@@ -63,7 +69,7 @@ public:
             notes_.push_back("the coordinate reference system has no WKT 1, which COPC asks for" +
                              std::string(cloud.crs_records.empty() ? ", and is left out: " : "; its GeoTIFF keys are kept: ") + crs_name(cloud.crs));
         fields_.emplace(las::point_format_for(cloud.attributes, true), cloud.attributes);
-        find_gps_range();
+        has_time_ = find_attribute(cloud_.attributes, attribute_name::kGpsTime) >= 0;
         const std::vector<std::byte> head = head_bytes({});
         file_.write(head);
         file_.write(std::vector<std::byte>(sizeof(uint64_t)));  // where the chunk table will be
@@ -99,6 +105,7 @@ public:
     }
 
     void finish() override {
+        find_gps_range();
         const uint64_t table_offset = file_.size();
         file_.write(las::encode_chunk_table(chunks_, true));
         Ending ending{.offset = file_.size()};
@@ -134,11 +141,12 @@ private:
     };
 
     void find_gps_range() {
-        const int gps_time = find_attribute(cloud_.attributes, attribute_name::kGpsTime);
-        if (gps_time < 0 || cloud_.points == 0) return;
-        has_time_ = true;
-        const double least = cloud_.attribute_min[size_t(gps_time)][0], most = cloud_.attribute_max[size_t(gps_time)][0];
-        if (std::isfinite(least) && std::isfinite(most)) gps_range_ = {least, most};
+        double least = std::numeric_limits<double>::infinity(), most = -least;
+        for (const std::unique_ptr<Encoder>& encoder : encoders_) {
+            least = std::min(least, encoder->least_time);
+            most = std::max(most, encoder->most_time);
+        }
+        if (least <= most) gps_range_ = {least, most};
     }
 
     std::span<const std::byte> wkt_payload() const { return std::as_bytes(std::span(wkt_.c_str(), wkt_.size() + 1)); }  // ends with a zero

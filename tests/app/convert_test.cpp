@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -307,6 +308,21 @@ TEST_F(Convert, RangesOfExtraBytesPassOverNoData) {
     const size_t height = size_t(find_attribute(info.attributes, "height"));
     EXPECT_EQ(info.attribute_min.at(height), std::vector<double>{10});
     EXPECT_EQ(info.attribute_max.at(height), std::vector<double>{29});
+}
+
+// Times that are no numbers say nothing of the others.
+TEST_F(Convert, CopcSaysTheRangeOfFiniteTimes) {
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    test::LasFile file{.minor_version = 4, .point_format = 6};
+    for (const double time : {kInfinity, 1e8 + 1.0, -kInfinity, 1e8, std::numeric_limits<double>::quiet_NaN(), 1e8 + 0.5})
+        file.records.push_back(test::las_record(6, {.x = int32_t(file.records.size()), .gps_time = time}));
+    const std::string scan = folder_.file("scan.las"), set = folder_.file("set.copc.laz");
+    write_bytes(scan, file.bytes());
+    (void)converted({scan, set});
+    const std::string bytes = test::file_contents(set);
+    std::array<double, 2> range{};
+    std::memcpy(range.data(), bytes.data() + 429 + 56, sizeof range);
+    EXPECT_EQ(range, (std::array{1e8, 1e8 + 1.0}));
 }
 
 TEST_F(Convert, SeveralFilesAndAFolderOfThemAreOneCloud) {
