@@ -95,6 +95,8 @@ public:
                 // The table gives each chunk's place by the sizes of those before it.
                 if (node.byte_size > std::numeric_limits<int32_t>::max())
                     throw Error(ErrorKind::limit, file_.path() + ": a node of " + std::to_string(node.byte_size) + " bytes; COPC's pages hold 2^31 - 1");
+                if (node.points > uint32_t(std::numeric_limits<int32_t>::max()))  // 2^31 equal ones, which no node can share
+                    throw Error(ErrorKind::limit, file_.path() + ": a node of " + std::to_string(node.points) + " points; COPC's pages hold 2^31 - 1");
                 assert(begin + node.byte_offset == chunks_end_ || chunks_.empty());
                 chunks_end_ = begin + node.byte_offset + node.byte_size;
                 chunks_.push_back({node.points, uint32_t(node.byte_size)});
