@@ -14,6 +14,7 @@
 namespace strata::las {
 namespace {
 
+constexpr uint64_t kBridgedGap = 32 * 1024;  // bytes between two layers that ByteSource::read_many reads along
 // What a layer's decoder may run ahead within one point: GPS time switches sequence four times, then begins one.
 constexpr size_t kMargin = kBytesPerSymbol * 64 + kBytesAhead;
 
@@ -50,9 +51,16 @@ public:
     void prefetch(const ByteSource& source, const LazChunk& chunk) const override {
         try {
             const ChunkHead head = read_head(source, chunk);
-            uint64_t offset = head.layers_offset;
-            for (size_t i = 0; i < head.sizes.size(); offset += head.sizes[i++])
-                if (wanted_[i] && head.sizes[i] > 0) source.prefetch(offset, chunk.likely_bytes(head.sizes[i]));
+            uint64_t offset = head.layers_offset, begin = offset, end = offset;
+            for (size_t i = 0; i < head.sizes.size(); offset += head.sizes[i++]) {
+                if (!wanted_[i] || head.sizes[i] == 0) continue;
+                if (offset - end > kBridgedGap) {
+                    source.prefetch(begin, end - begin);
+                    begin = offset;
+                }
+                end = offset + chunk.likely_bytes(head.sizes[i]);
+            }
+            source.prefetch(begin, end - begin);
         } catch (const Error&) {  // begin will say it
         }
     }

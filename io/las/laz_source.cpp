@@ -19,6 +19,7 @@ constexpr uint64_t kMostBatchBytes = 16 << 20;  // of records; batches must stay
 constexpr size_t kTileBytes = 128 * 1024;       // of records, on their way from the decoder to the columns
 // Threads take parts of a chunk nearly in order; a few places to go on from let none begin anew.
 constexpr size_t kKeptLanes = 8;
+constexpr size_t kKeptDecoders = 16;  // some hundred kB each
 
 las::Header read_compressed_header(const ByteSource& bytes, las::Damage damage) {
     las::Header header = las::read_header(bytes, damage);
@@ -38,15 +39,46 @@ bool is_copc(const las::Header& header) { return !header.records.empty() && head
 
 }  // namespace
 
+// A decoder that was lent, and goes back.
+class LazSource::Decoder {
+public:
+    Decoder(const LazSource& source, const las::LazSelection& selection) : source_(source), selection_(selection) {
+        {
+            const std::lock_guard lock(source.idle_mutex_);
+            if (selection.bytes == source.idle_for_.bytes && !source.idle_.empty()) {
+                decoder_ = std::move(source.idle_.back());
+                source.idle_.pop_back();
+            }
+        }
+        if (!decoder_) decoder_ = las::make_laz_decoder(source.header_, source.laz_, selection);
+    }
+    Decoder(const Decoder& other) : source_(other.source_), selection_(other.selection_), decoder_(other.decoder_->clone()) {}
+    Decoder& operator=(const Decoder&) = delete;
+    ~Decoder() {
+        const std::lock_guard lock(source_.idle_mutex_);
+        if (selection_.bytes != source_.idle_for_.bytes) {
+            source_.idle_.clear();
+            source_.idle_for_ = std::move(selection_);
+        }
+        if (source_.idle_.size() < kKeptDecoders) source_.idle_.push_back(std::move(decoder_));  // there is room: nothing can fail here
+    }
+    las::LazDecoder* operator->() const { return decoder_.get(); }
+
+private:
+    const LazSource& source_;
+    las::LazSelection selection_;
+    std::unique_ptr<las::LazDecoder> decoder_;
+};
+
 // Goes through the points from a chunk on, one behind the other. A copy goes on where the original was.
 class LazSource::Walk {
 public:
     /// wanted_points  of the first chunk, if no more are read; 0: all
     Walk(const LazSource& source, size_t chunk, const las::LazSelection& selection, uint64_t wanted_points = 0)
         : source_(source), chunk_(chunk), wanted_points_(wanted_points), offset_(source.chunks_.chunks[chunk].offset),
-          decoder_(las::make_laz_decoder(source.header_, source.laz_, selection)) {}
+          decoder_(source, selection) {}
     Walk(const Walk& other)
-        : source_(other.source_), chunk_(other.chunk_), wanted_points_(other.wanted_points_), done_(other.done_), offset_(other.offset_), decoder_(other.decoder_->clone()) {}
+        : source_(other.source_), chunk_(other.chunk_), wanted_points_(other.wanted_points_), done_(other.done_), offset_(other.offset_), decoder_(other.decoder_) {}
     Walk& operator=(const Walk&) = delete;
 
     /// Calls sink(records, count) for the next `points` points in pieces.
@@ -100,7 +132,7 @@ private:
     uint64_t wanted_points_;
     uint64_t done_ = 0;  // points of the chunk
     uint64_t offset_;    // of the chunk; of the next one once it is done
-    std::unique_ptr<las::LazDecoder> decoder_;
+    Decoder decoder_;
 };
 
 LazSource::LazSource(std::unique_ptr<ByteSource> bytes, las::Damage damage)
@@ -112,6 +144,7 @@ LazSource::LazSource(std::unique_ptr<ByteSource> bytes, las::Damage damage)
                                              : las::read_laz_chunks(*bytes_, header_, laz_)),
       columns_(header_.point_format, header_.record_size, las::read_extra_bytes(*bytes_, header_, notes_)) {
     info_ = las::cloud_info(*bytes_, header_, columns_, is_copc(header_) ? "copc 1.0, laz" : "laz", std::move(notes_));
+    idle_.reserve(kKeptDecoders);
     plan_batches(damage == las::Damage::salvage ? 0 : kJoinedPoints);  // damage shall cost its chunk alone
 }
 
@@ -201,12 +234,11 @@ void LazSource::announce_first(uint64_t index, uint64_t points, const las::LazSe
         for (const Plan& plan : plans_) bytes_->prefetch(chunks_.chunks[plan.chunk].offset, kHeadBytes);
     });
     const uint64_t end = std::min(index + kAhead, batch_count_);
-    std::unique_ptr<las::LazDecoder> decoder;
+    const Decoder decoder(*this, selection);
     for (uint64_t next = announced_.load(); next < end; next = announced_.load()) {
         if (!announced_.compare_exchange_weak(next, next + 1)) continue;
         const Batch ahead = batch(next);
         if (ahead.first_point > 0 || chunks_.sequential) continue;
-        if (!decoder) decoder = las::make_laz_decoder(header_, laz_, selection);
         las::LazChunk chunk = chunks_.chunks[ahead.chunk];
         chunk.wanted_points = points;
         decoder->prefetch(*bytes_, chunk);

@@ -48,6 +48,7 @@ private:
         bool in_order = false;  // a batch cannot be reached but through the points before it
     };
     class Walk;
+    class Decoder;
     /// Where the batches that are decoded one behind the other have come to.
     struct Lane {
         uint64_t batch = 0;  // that comes next
@@ -73,6 +74,11 @@ private:
     CloudInfo info_;
     std::vector<Plan> plans_;
     uint64_t batch_count_ = 0;
+
+    // Decoders that nobody uses now, all made for `idle_for_`: making one and its models anew takes as long as some thousand points.
+    mutable std::mutex idle_mutex_;
+    mutable las::LazSelection idle_for_;
+    mutable std::vector<std::unique_ptr<las::LazDecoder>> idle_;
 
     mutable std::once_flag heads_announced_;
     mutable std::atomic<uint64_t> announced_ = 0;  // batches whose first points the disk was told of
