@@ -128,6 +128,7 @@ Attribute read_attribute(const Keys& keys) {
     const auto offset = keys.numbers_if_whole("offset", components);
     if (scale && (*scale)[0] != 0.0) attribute.scale = (*scale)[0];
     if (offset) attribute.offset = (*offset)[0];
+    if (const auto no_data = keys.numbers_if_whole("noData", components)) attribute.no_data = (*no_data)[0];
     return attribute;
 }
 

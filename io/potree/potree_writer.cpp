@@ -114,16 +114,18 @@ private:
 
     ordered_json attribute_json(const Attribute& attribute, const ordered_json& least, const ordered_json& greatest) const {
         const size_t components = size_t(attribute.components);
-        return {{"name", attribute.name},
-                {"description", attribute.description},
-                {"size", attribute.size_bytes()},
-                {"numElements", attribute.components},
-                {"elementSize", scalar_size(attribute.type)},
-                {"type", scalar_name(attribute.type)},
-                {"min", least},
-                {"max", greatest},
-                {"scale", std::vector<double>(components, attribute.scale)},
-                {"offset", std::vector<double>(components, attribute.offset)}};
+        ordered_json json = {{"name", attribute.name},
+                             {"description", attribute.description},
+                             {"size", attribute.size_bytes()},
+                             {"numElements", attribute.components},
+                             {"elementSize", scalar_size(attribute.type)},
+                             {"type", scalar_name(attribute.type)},
+                             {"min", least},
+                             {"max", greatest},
+                             {"scale", std::vector<double>(components, attribute.scale)},
+                             {"offset", std::vector<double>(components, attribute.offset)}};
+        if (std::isfinite(attribute.no_data)) json["noData"] = std::vector<double>(components, attribute.no_data);  // a key of ours
+        return json;
     }
 
     ordered_json metadata(const PotreeHierarchyFile& hierarchy) const {

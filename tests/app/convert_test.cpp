@@ -308,6 +308,13 @@ TEST_F(Convert, RangesOfExtraBytesPassOverNoData) {
     const size_t height = size_t(find_attribute(info.attributes, "height"));
     EXPECT_EQ(info.attribute_min.at(height), std::vector<double>{10});
     EXPECT_EQ(info.attribute_max.at(height), std::vector<double>{29});
+    EXPECT_EQ(info.attributes[height].no_data, -9999.0);
+    EXPECT_TRUE(std::isnan(info.attributes[size_t(find_attribute(info.attributes, "nothing"))].no_data));
+    // And back again, by way of the folder.
+    const std::string back = folder_.file("back.las");
+    (void)converted({out_, back});
+    const std::vector<Attribute> attributes = open_points({&back, 1})->info().attributes;
+    EXPECT_EQ(attributes[size_t(find_attribute(attributes, "height"))].no_data, -9999.0);
 }
 
 // Times that are no numbers say nothing of the others.
