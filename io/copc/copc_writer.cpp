@@ -7,11 +7,11 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <mutex>
 #include <optional>
 #include <utility>
 
 #include "core/error.h"
+#include "core/idle_pool.h"
 #include "io/copc/copc_hierarchy_writer.h"
 #include "io/crs/crs_text.h"
 #include "io/las/las_header_writer.h"
@@ -77,14 +77,15 @@ public:
 
     void encode(std::span<const std::byte> records, uint32_t points, std::vector<std::byte>& out) const override {
         if (points == 0) return;
-        std::unique_ptr<Encoder> encoder = take_encoder();
+        std::unique_ptr<Encoder> encoder = encoders_.take(
+            [&] { return std::make_unique<Encoder>(Encoder{.laz = las::make_laz_encoder(fields_->point_format(), fields_->record_size())}); });
         if (cloud_.coarsening_bits > 0) records = source_quanta(records, points, encoder->packed);
         encoder->records.resize(size_t(points) * fields_->record_size());
         fields_->encode(records, cloud_.min_quanta, encoder->records);
         if (has_time_) encoder->sort_by_time(fields_->record_size());
         count_returns(encoder->records);
         encoder->laz->encode(encoder->records, out);
-        give_back(std::move(encoder));
+        encoders_.give_back(std::move(encoder));
     }
 
     void append(std::span<const BuiltNode> nodes, std::span<const std::byte> bytes) override {
@@ -144,7 +145,7 @@ private:
 
     void find_gps_range() {
         double least = std::numeric_limits<double>::infinity(), most = -least;
-        for (const std::unique_ptr<Encoder>& encoder : encoders_) {
+        for (const std::unique_ptr<Encoder>& encoder : encoders_.idle()) {
             least = std::min(least, encoder->least_time);
             most = std::max(most, encoder->most_time);
         }
@@ -227,22 +228,6 @@ private:
             if (counts[i] > 0) points_by_return_[i] += counts[i];
     }
 
-    std::unique_ptr<Encoder> take_encoder() const {
-        {
-            const std::lock_guard lock(encoders_mutex_);
-            if (!encoders_.empty()) {
-                std::unique_ptr<Encoder> encoder = std::move(encoders_.back());
-                encoders_.pop_back();
-                return encoder;
-            }
-        }
-        return std::make_unique<Encoder>(Encoder{.laz = las::make_laz_encoder(fields_->point_format(), fields_->record_size())});
-    }
-    void give_back(std::unique_ptr<Encoder> encoder) const {
-        const std::lock_guard lock(encoders_mutex_);
-        encoders_.push_back(std::move(encoder));
-    }
-
     CopcWriteSettings settings_;
     OutputFile file_;
     BuiltCloud cloud_;
@@ -251,8 +236,7 @@ private:
     bool has_time_ = false;
     std::array<double, 2> gps_range_{};
     std::string wkt_;  // empty: nothing is known of the coordinate system, or it has no WKT
-    mutable std::mutex encoders_mutex_;
-    mutable std::vector<std::unique_ptr<Encoder>> encoders_;  // those that no thread uses now
+    mutable IdlePool<Encoder> encoders_;
     mutable std::array<std::atomic<uint64_t>, 16> points_by_return_{};
     std::vector<las::LazTableEntry> chunks_;  // in the order of the file
     uint64_t chunks_end_ = 0;

@@ -12,25 +12,12 @@ LazChunkWriter::LazChunkWriter(OutputFile& file, int point_format, size_t record
     file_.write(std::vector<std::byte>(sizeof(uint64_t)));
 }
 
-std::unique_ptr<LazEncoder> LazChunkWriter::take_encoder() {
-    {
-        const std::lock_guard lock(mutex_);
-        if (!idle_.empty()) {
-            std::unique_ptr<LazEncoder> encoder = std::move(idle_.back());
-            idle_.pop_back();
-            return encoder;
-        }
-    }
-    return make_laz_encoder(point_format_, record_size_);
-}
-
 void LazChunkWriter::write_chunks(std::span<const std::span<const std::byte>> chunks) {
     std::vector<std::vector<std::byte>> encoded(chunks.size());
     parallel_blocks(threads_, chunks.size(), 1, [&](size_t begin, size_t end) {
-        std::unique_ptr<LazEncoder> encoder = take_encoder();
+        std::unique_ptr<LazEncoder> encoder = encoders_.take([&] { return make_laz_encoder(point_format_, record_size_); });
         for (size_t i = begin; i < end; ++i) encoder->encode(chunks[i], encoded[i]);
-        const std::lock_guard lock(mutex_);
-        idle_.push_back(std::move(encoder));
+        encoders_.give_back(std::move(encoder));
     });
     for (size_t i = 0; i < chunks.size(); ++i) {
         file_.write(encoded[i]);

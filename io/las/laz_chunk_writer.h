@@ -2,11 +2,10 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <memory>
-#include <mutex>
 #include <span>
 #include <vector>
 
+#include "core/idle_pool.h"
 #include "io/las/laz_encoder.h"
 #include "io/output_file.h"
 
@@ -27,7 +26,6 @@ public:
 
 private:
     void write_chunks(std::span<const std::span<const std::byte>> chunks);
-    std::unique_ptr<LazEncoder> take_encoder();
 
     OutputFile& file_;
     int point_format_;
@@ -36,8 +34,7 @@ private:
     uint64_t table_place_;  // of the table's offset, bytes
     std::vector<std::byte> kept_back_;
     std::vector<LazTableEntry> table_;
-    std::mutex mutex_;
-    std::vector<std::unique_ptr<LazEncoder>> idle_;
+    IdlePool<LazEncoder> encoders_;
 };
 
 }  // namespace strata::las
