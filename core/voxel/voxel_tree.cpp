@@ -65,6 +65,23 @@ void index_tree(VoxelTree& tree) {
         index_cells(tree.levels[number], number, tree.cells_before_odd[number], tree.cells_before_even[number]);
 }
 
+void check_attributes(const VoxelTree& tree) {
+    for (size_t depth = 1; depth < tree.attributes.size(); ++depth) {
+        const size_t number = (depth - 1) / 2;
+        uint64_t cells = 0;
+        for (const uint64_t mask : tree.levels[number].masks) cells += uint64_t(std::popcount(depth % 2 == 1 ? uint64_t{bytes_present(mask)} : mask));
+        const auto check = [&](size_t entries, const char* what) {
+            if (entries != 0 && entries != cells)
+                fail(number, std::to_string(cells) + " cells at depth " + std::to_string(depth) + ", but " + std::to_string(entries) + " " + what);
+        };
+        const CellAttributes& attributes = tree.attributes[depth];
+        check(attributes.counts.size(), "counts");
+        check(attributes.colors.size(), "colors");
+        check(attributes.normals.size(), "normals");
+        check(attributes.opacities.size(), "opacities");
+    }
+}
+
 uint64_t count_voxels(const VoxelTree& tree) {
     uint64_t voxels = 0;
     for (size_t number = 0; number < tree.levels.size(); ++number) {

@@ -67,6 +67,9 @@ inline uint32_t cell_index(const VoxelTree& tree, int level, uint32_t node, int 
 ///         above has children, or more than 2^32 - 1 cells
 void index_tree(VoxelTree& tree);
 
+/// throws  Error{malformed}: attributes are neither empty nor one a cell, of a depth at which there are cells
+void check_attributes(const VoxelTree& tree);
+
 /// Voxels of the tree's last level; full cells count all that they hold.
 uint64_t count_voxels(const VoxelTree& tree);
 

@@ -141,7 +141,7 @@ void VoxelTreeBuilder::close(size_t level) {
     if (level + 1 < open_.size()) close(level + 1);
     const uint64_t mask = std::exchange(node.mask, 0), full = std::exchange(node.full, 0);
     const bool whole = full == kFullMask && level > 0;
-    if (!whole) append_node(level, mask, full);
+    if (!whole) append_node(level, mask, level + 1 < open_.size() ? full : 0);  // all voxels are full
     Sums sums;
     if (whole)
         sums.opacity = {1.0, 1.0, 1.0};

@@ -8,67 +8,12 @@
 #include <random>
 
 #include "core/error.h"
+#include "tests/support/dense_voxels.h"
 
 namespace strata {
 namespace {
 
-// A dense grid and what a tree of it must hold, by plain loops.
-struct Dense {
-    explicit Dense(int tree_levels) : levels(tree_levels), side(1u << 2 * tree_levels), solid(size_t(side) * side * side) {}
-
-    size_t at(uint32_t x, uint32_t y, uint32_t z) const { return (size_t(x) * side + y) * side + z; }
-    VoxelFrame frame() const { return {.origin = Vec3d(1, 2, 3), .voxel_size = 0.5, .levels = levels}; }
-
-    // Blocks of voxels in Morton order; those that are whole as parts of larger blocks, where `merge` is set.
-    VoxelBatch batch() const {
-        VoxelBatch batch;
-        const uint64_t blocks = uint64_t{1} << 6 * (levels - 1);
-        for (uint64_t code = 0; code < blocks; ++code) {
-            const auto [bx, by, bz] = coordinates_of_code(code);
-            VoxelBlock block = {.code = code};
-            for (uint32_t bit = 0; bit < 64; ++bit) {
-                const auto [x, y, z] = coordinates_of_code(bit);
-                if (solid[at(4 * bx + x, 4 * by + y, 4 * bz + z)]) block.mask |= uint64_t{1} << bit;
-            }
-            if (block.mask != 0) batch.blocks.push_back(block);
-        }
-        return batch;
-    }
-
-    int levels;
-    uint32_t side;
-    std::vector<char> solid;
-};
-
-Dense random_grid(int levels, double share, uint32_t seed) {
-    Dense grid(levels);
-    std::mt19937 random(seed);
-    std::bernoulli_distribution occupied(share);
-    for (char& voxel : grid.solid) voxel = occupied(random);
-    return grid;
-}
-
-// A solid ball: has whole blocks of several sizes.
-Dense ball_grid(int levels, double radius_share) {
-    Dense grid(levels);
-    const double middle = 0.5 * grid.side, radius = radius_share * grid.side;
-    for (uint32_t x = 0; x < grid.side; ++x)
-        for (uint32_t y = 0; y < grid.side; ++y)
-            for (uint32_t z = 0; z < grid.side; ++z)
-                grid.solid[grid.at(x, y, z)] = (Vec3d(x + 0.5, y + 0.5, z + 0.5).array() - middle).matrix().norm() < radius;
-    return grid;
-}
-
-VoxelTree tree_of(const Dense& grid, const VoxelAttributes& attributes = {}) {
-    VoxelTreeInMemory memory(grid.frame(), attributes);
-    VoxelTreeBuilder builder(grid.frame(), attributes, memory);
-    builder.add(grid.batch());
-    const VoxelTreeCounts counts = builder.finish();
-    EXPECT_EQ(counts.voxels, uint64_t(std::count(grid.solid.begin(), grid.solid.end(), 1)));
-    return memory.take();
-}
-
-void expect_same(const VoxelTree& tree, const Dense& grid) {
+void expect_same(const VoxelTree& tree, const DenseVoxels& grid) {
     EXPECT_EQ(count_voxels(tree), uint64_t(std::count(grid.solid.begin(), grid.solid.end(), 1)));
     for (uint32_t x = 0; x < grid.side; ++x)
         for (uint32_t y = 0; y < grid.side; ++y)
@@ -78,14 +23,14 @@ void expect_same(const VoxelTree& tree, const Dense& grid) {
 
 TEST(VoxelTreeBuilder, HoldsTheVoxelsThatWereAdded) {
     for (const double share : {0.0001, 0.01, 0.3, 0.9}) {
-        const Dense grid = random_grid(3, share, 7);
+        const DenseVoxels grid = random_grid(3, share, 7);
         expect_same(tree_of(grid), grid);
     }
     for (const int levels : {1, 2, 3}) expect_same(tree_of(ball_grid(levels, 0.45)), ball_grid(levels, 0.45));
 }
 
 TEST(VoxelTreeBuilder, NothingAndOneVoxelAndEverything) {
-    Dense grid(2);
+    DenseVoxels grid(2);
     EXPECT_TRUE(tree_of(grid).empty());
     grid.solid[grid.at(13, 2, 7)] = 1;
     expect_same(tree_of(grid), grid);
@@ -98,7 +43,7 @@ TEST(VoxelTreeBuilder, NothingAndOneVoxelAndEverything) {
 
 // Full cells of any height give the tree that their voxels give.
 TEST(VoxelTreeBuilder, LargeBlocksAreTheVoxelsTheyHold) {
-    const Dense grid = ball_grid(4, 0.4);
+    const DenseVoxels grid = ball_grid(4, 0.4);
     const VoxelTree plain = tree_of(grid);
     VoxelBatch merged;
     // Cells of 16 voxels that are whole, by the tree itself.
@@ -130,7 +75,7 @@ TEST(VoxelTreeBuilder, LargeBlocksAreTheVoxelsTheyHold) {
 
 // Each attribute of each coarser cell against a sum over its voxels.
 TEST(VoxelTreeBuilder, CoarserCellsAreMeansOfTheirVoxels) {
-    const Dense grid = random_grid(2, 0.2, 3);
+    const DenseVoxels grid = random_grid(2, 0.2, 3);
     VoxelBatch batch = grid.batch();
     std::mt19937 random(5);
     std::map<std::array<uint32_t, 3>, size_t> voxel_at;
@@ -195,7 +140,7 @@ TEST(VoxelTreeBuilder, CoarserCellsAreMeansOfTheirVoxels) {
 // columns for independent, a' = (1 - (1 - a)^2) / 2, while those of a wall hide one another: it is 3/8 after two depths where the
 // truth is 1/4.)
 TEST(VoxelTreeBuilder, ThinWallsStayOpaqueFromTheFront) {
-    Dense wall(3);
+    DenseVoxels wall(3);
     for (uint32_t y = 0; y < wall.side; ++y)
         for (uint32_t z = 0; z < wall.side; ++z) wall.solid[wall.at(21, y, z)] = 1;
     const VoxelTree tree = tree_of(wall, {.opacity = true});
@@ -214,7 +159,7 @@ TEST(VoxelTreeBuilder, ThinWallsStayOpaqueFromTheFront) {
 
 // Of two voxels an axis, a cell is as opaque along an axis as the share of its columns that hold something.
 TEST(VoxelTreeBuilder, OpacityIsTheShareOfColumns) {
-    const Dense grid = random_grid(2, 0.3, 11);
+    const DenseVoxels grid = random_grid(2, 0.3, 11);
     const VoxelTree tree = tree_of(grid, {.opacity = true});
     size_t cell = 0;
     for (uint64_t code = 0; code < 512; ++code) {
@@ -236,7 +181,7 @@ TEST(VoxelTreeBuilder, OpacityIsTheShareOfColumns) {
 
 // Full cells are opaque, and so is what holds nothing else.
 TEST(VoxelTreeBuilder, FullCellsAreOpaque) {
-    const Dense grid = ball_grid(3, 0.45);
+    const DenseVoxels grid = ball_grid(3, 0.45);
     const VoxelTree tree = tree_of(grid, {.opacity = true});
     ASSERT_FALSE(tree.levels[1].full.empty());
     size_t checked = 0;

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/voxel/voxel_tree.h"
+#include "core/voxel/voxel_tree_builder.h"
+#include "io/byte_source.h"
+#include "io/svo/svo_writer.h"
+
+namespace strata {
+
+/// A `.svo` file (docs/svo.md): opened by its header and directory alone; streams are read by ranges.
+class SvoFile {
+public:
+    /// Takes `source`.
+    /// throws  Error{malformed, unsupported, io}, naming the file and the place
+    explicit SvoFile(std::unique_ptr<ByteSource> source);
+
+    const VoxelFrame& frame() const { return frame_; }
+    const SvoLabels& labels() const { return labels_; }
+    uint64_t voxels() const { return voxels_; }
+    uint64_t size_bytes() const { return source_->size(); }
+    /// What voxels have; opacity: what coarser cells have.
+    VoxelAttributes attributes() const;
+    uint64_t nodes(int level) const { return elements({VoxelStream::Kind::mask, uint8_t(level)}); }
+    /// Elements of a stream, 0 where there is none.
+    uint64_t elements(VoxelStream stream) const;
+
+    /// Reads elements of a stream; `out` holds whole ones. Touches only the blocks that have them.
+    /// throws  Error{malformed}: beyond the end, or a block's checksum is wrong
+    void read(VoxelStream stream, uint64_t first, std::span<std::byte> out) const;
+
+    /// Bytes that a tree of the first `levels` levels takes in memory.
+    uint64_t memory_bytes(int levels, bool with_attributes) const;
+    /// The most levels that fit in memory_bytes; at least 1.
+    int levels_within(uint64_t memory_bytes, bool with_attributes) const;
+    /// The first `levels` levels, checked.
+    /// throws  Error{malformed}, naming the file and the level
+    VoxelTree load(int levels, bool with_attributes, int threads) const;
+
+private:
+    struct Block {
+        uint64_t offset;
+        uint32_t checksum;
+    };
+    struct Stream {
+        VoxelStream name;
+        uint32_t block_elements = 1;
+        uint64_t elements = 0;
+        std::vector<Block> blocks;
+    };
+
+    void read_header();
+    void read_directory(uint64_t offset, uint64_t size, uint32_t checksum);
+    const Stream* find(VoxelStream name) const;
+    void read_block(const Stream& stream, uint64_t block, std::vector<std::byte>& out) const;
+    template <typename T>
+    void read_all(VoxelStream name, std::vector<T>& out, int threads) const;
+
+    std::unique_ptr<ByteSource> source_;
+    VoxelFrame frame_;
+    SvoLabels labels_;
+    uint64_t voxels_ = 0;
+    std::vector<Stream> streams_;
+};
+
+/// throws  as SvoFile; Error{not_found, io}
+SvoFile open_svo(const std::string& path);
+
+}  // namespace strata
