@@ -14,6 +14,8 @@
 #include "io/draco/draco_source.h"
 #include "io/las/laz_source.h"
 #include "io/merged_source.h"
+#include "io/mesh/mesh_reader.h"
+#include "io/mesh/text_words.h"
 #include "io/potree/potree_cloud.h"
 
 namespace strata {
@@ -29,7 +31,9 @@ constexpr std::array kFormats = {
     Format{"3dtiles", "3D Tiles, tileset.json or .pnts", ".json .pnts", FormatKind::not_readable, false},
     Format{"ept", "Entwine Point Tiles, a folder with ept.json", "", FormatKind::not_readable, false},
     Format{"e57", "ASTM E57", ".e57", FormatKind::not_readable, false},
-    Format{"ply", "Stanford polygon file", ".ply", FormatKind::not_readable, false},
+    Format{"ply", "Stanford polygon file, a mesh", ".ply", FormatKind::mesh, false},
+    Format{"obj", "Wavefront OBJ, a mesh", ".obj", FormatKind::mesh, false},
+    Format{"stl", "STL, a mesh", ".stl", FormatKind::mesh, false},
     Format{"pcd", "Point Cloud Library file", ".pcd", FormatKind::not_readable, false},
     Format{"drc", "Draco, points and the vertices of meshes", ".drc", FormatKind::points, true},
 };
@@ -89,6 +93,26 @@ const Format& identify_las(std::string_view head) {
     return format_named(head.size() > 104 && (head[104] & 0xC0) != 0 ? "laz" : "las");  // bits that LASzip sets
 }
 
+// A line of OBJ that other texts do not have comes first, behind comments: no more can be seen, the format has no signature.
+bool looks_like_obj(std::string_view head) {
+    while (!head.empty()) {
+        const size_t end = std::min(head.find_first_of("\r\n"), head.size());
+        TextWords words(head.substr(0, end));
+        const std::string_view keyword = words.word();
+        head.remove_prefix(std::min(end + 1, head.size()));
+        if (keyword.empty() || keyword.front() == '#') continue;
+        double number = 0.0;
+        return keyword == "mtllib" || (keyword == "v" && words.number(number) && words.number(number) && words.number(number));
+    }
+    return false;
+}
+
+bool looks_like_text_stl(std::string_view head) {
+    const std::string text = lower_case(std::string(head));
+    return TextWords(text).word() == "solid" && text.find('\0') == std::string::npos &&
+           (text.find("facet") != std::string::npos || text.find("endsolid") != std::string::npos);
+}
+
 const Format& identify_bytes(const ByteSource& source) {
     std::array<char, 589> bytes;
     const size_t size = size_t(std::min<uint64_t>(bytes.size(), source.size()));
@@ -100,6 +124,11 @@ const Format& identify_bytes(const ByteSource& source) {
     if (head.starts_with("# .PCD") || head.starts_with("VERSION .7") || head.starts_with("VERSION 0.7")) return format_named("pcd");
     if (head.starts_with("DRACO")) return format_named("drc");
     if (head.starts_with("pnts")) return format_named("3dtiles");
+    if (is_binary_stl(head, source.size()) || looks_like_text_stl(head)) return format_named("stl");
+    if (looks_like_obj(head)) return format_named("obj");
+    if (size > 0)
+        for (const std::string_view name : {"obj", "stl"})
+            if (lower_case(fs::path(source.name()).extension().string()) == format_named(name).endings) return format_named(name);
     throw Error(ErrorKind::unsupported, source.name() + ": " + (size == 0 ? "an empty file" : "not a format that strata knows") +
                                             "; this version reads " + readable_names());
 }
@@ -127,7 +156,8 @@ private:
 
 std::unique_ptr<PointSource> open_points_file(const std::string& path, bool alone, const OpenSettings& settings) {
     const Format& format = identify_format(path);
-    if (format.kind == FormatKind::not_readable) refuse(path, format, "a file of points");
+    if (format.name == "ply") refuse(path, format, "this version reads it as a mesh only; a file of points");
+    if (format.kind == FormatKind::not_readable || format.kind == FormatKind::mesh) refuse(path, format, "a file of points");
     // A COPC file is a LAZ file, too: whole, it is read as that.
     if (format.name == "potree" || (format.name == "copc" && !settings.nodes.everything()))
         return std::make_unique<PointsOfLayered>(open_layered(path), settings.nodes);

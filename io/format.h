@@ -17,6 +17,7 @@ namespace strata {
 enum class FormatKind {
     points,        // a plain list of points: opened with open_points
     layered,       // a level-of-detail data set: opened with open_layered
+    mesh,          // triangles: read with read_mesh of io/mesh
     not_readable,  // recognised, but not readable by this version; opening it says so
 };
 
@@ -32,7 +33,7 @@ struct Format {
 /// Every format, for help texts and messages.
 std::span<const Format> all_formats();
 
-/// Recognises a file or folder by its first bytes, not by its name.
+/// Recognises a file or folder by its first bytes. Its name counts only where they may be anything: .obj and .stl.
 /// throws  Error{not_found, unsupported, io}: the path and the formats that are known
 const Format& identify_format(const std::string& path);
 
