@@ -7,6 +7,8 @@
 #include <optional>
 
 #include "app/commands/commands.h"
+#include "app/commands/info_json.h"
+#include "app/commands/info_mesh.h"
 #include "app/commands/info_text.h"
 #include "app/quantity_text.h"
 #include "core/cloud/cloud_statistics.h"
@@ -28,14 +30,8 @@ constexpr OptionRow kRows[] = {
     {"--quality", "", "", "", "of an LOD set: how evenly each level is sampled"},
     shared_option::kJson,
     shared_option::kThreads,
+    shared_option::kMemory,
 };
-
-ordered_json vector_json(const Vec3d& v) { return {v.x(), v.y(), v.z()}; }  // NaN and infinity become null
-
-ordered_json box_json(const Box3d& box) {
-    if (box.empty()) return {{"min", nullptr}, {"max", nullptr}};
-    return {{"min", vector_json(box.min)}, {"max", vector_json(box.max)}};
-}
 
 // What every format says of itself.
 ordered_json cloud_json(const std::string& path, const Format& format, const CloudInfo& info) {
@@ -164,9 +160,11 @@ void print(const std::string& text) {
 int run(const Options& options) {
     const std::string& path = options.positional.front();
     const Format& format = identify_format(path);
-    if (options.given("--quality") && format.kind == FormatKind::points)
+    if (options.given("--quality") && format.kind != FormatKind::layered && format.kind != FormatKind::not_readable)
         throw Error(ErrorKind::usage, "--quality: a level-of-detail data set is expected, " + path + " is " + std::string(format.name));
-    const ordered_json report = format.kind == FormatKind::layered ? layered_report(path, format, options) : points_report(path, format, options);
+    const ordered_json report = format.kind == FormatKind::layered ? layered_report(path, format, options)
+                                : format.kind == FormatKind::mesh  ? mesh_report(path, format, memory_cap(options))
+                                                                   : points_report(path, format, options);
     // Names and texts from a file may be of any encoding; JSON is UTF-8.
     const std::string text = report.dump(2, ' ', false, ordered_json::error_handler_t::replace);
     print(options.given("--json") ? text + "\n" : info_text(text));

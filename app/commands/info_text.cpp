@@ -58,7 +58,9 @@ private:
 };
 
 // Decimals that show one step of the scale: 2 for 0.01.
-int decimals_of(const ordered_json& scale, size_t axis) {
+int decimals_of(const ordered_json& report, size_t axis) {
+    if (!report.contains("scale")) return -1;
+    const ordered_json& scale = report["scale"];
     if (!scale.is_array() || scale.size() != 3 || !scale[axis].is_number()) return -1;
     return std::clamp(int(std::ceil(-std::log10(scale[axis].get<double>()) - 1e-9)), 0, 12);
 }
@@ -80,7 +82,7 @@ void bounds_rows(const ordered_json& report, Block& block) {
     const ordered_json& bounds = report["bounds"];
     if (!bounds["min"].is_array()) return;
     for (size_t axis = 0; axis < 3; ++axis) {
-        const int decimals = decimals_of(report["scale"], axis);
+        const int decimals = decimals_of(report, axis);
         const ordered_json &low = bounds["min"][axis], &high = bounds["max"][axis];
         std::string line = std::string(1, "xyz"[axis]) + " " + padded(number_text(low, decimals), 15, true) + " .. " +
                            padded(number_text(high, decimals), 15, true);
@@ -189,11 +191,13 @@ std::string info_text(const std::string& report_json) {
     Block block;
     block.text_ = printable(report["path"]) + "\n";
     block.row("format", printable(report["detail"]));
-    block.row("points", with_commas(report["points"]));
+    for (const char* const key : {"points", "vertices", "triangles"})
+        if (report.contains(key)) block.row(key, with_commas(report[key]));
+    if (report.contains("faces") && report["faces"] != report["triangles"]) block.row("faces", with_commas(report["faces"]) + " polygons");
     bounds_rows(report, block);
     vector_row(report, "scale", block);
     vector_row(report, "offset", block);
-    if (report["crs"].is_string()) block.row("crs", crs_text(report));
+    if (!text_of(report, "crs").empty()) block.row("crs", crs_text(report));
     layer_rows(report, block);
     if (report.contains("rgb_bits") && report["rgb_bits"] != 0) block.row("rgb", std::to_string(report["rgb_bits"].get<int>()) + " of 16 bits used");
     attribute_rows(report["attributes"], block);

@@ -143,6 +143,41 @@ TEST_F(InfoCommand, TextNamesEveryPart) {
         EXPECT_NE(result.out.find(part), std::string::npos) << part << "\n" << result.out;
 }
 
+// Counts, bounds, and what vertices have, of each format; the triangle has a corner that is nowhere.
+TEST_F(InfoCommand, MeshesHaveVerticesAndTriangles) {
+    const std::pair<const char*, std::string> files[] = {
+        {"obj", "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 2 0 0 0 1\nv 5 5 nan\nvn 0 0 1\nf 1//1 2//1 3//1\nf 2 3 4\n"},
+        {"stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 2 0\nendloop\nendfacet\nendsolid a\n"},
+        {"ply", "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 2 0\n3 0 1 2\n"}};
+    for (const auto& [name, text] : files) {
+        const std::string path = folder_.file(std::string("mesh.") + name);
+        std::ofstream(path) << text;
+        const ProgramResult result = run_strata({"info", "--json", path});
+        ASSERT_EQ(result.exit_code, 0) << result.err;
+        const json report = json::parse(result.out);
+        EXPECT_EQ(report["format"], name);
+        EXPECT_EQ(report["vertices"], 3);
+        EXPECT_EQ(report["triangles"], 1);
+        EXPECT_EQ(report["bounds"], json::parse(R"({"min": [0.0, 0.0, 0.0], "max": [1.0, 2.0, 0.0]})"));
+        const std::string lines = run_strata({"info", path}).out;
+        for (const char* const part : {"  vertices      3\n", "  triangles     1\n", "  bounds        x               0 ..               1              1 long\n"})
+            EXPECT_NE(lines.find(part), std::string::npos) << part << lines;
+        EXPECT_EQ(run_strata({"info", "--quality", path}).exit_code, 2);
+        const ProgramResult capped = run_strata({"info", "--memory", "50", path});
+        EXPECT_EQ(capped.exit_code, 1);
+        EXPECT_NE(capped.err.find(": the mesh needs "), std::string::npos) << capped.err;
+        const ProgramResult converted = run_strata({"convert", path, folder_.file("out.las")});
+        EXPECT_EQ(converted.exit_code, 1);
+        EXPECT_NE(converted.err.find("a file of points is expected here"), std::string::npos) << converted.err;
+    }
+    const json obj = json::parse(run_strata({"info", "--json", folder_.file("mesh.obj")}).out);
+    ASSERT_EQ(obj["attributes"].size(), 2u);
+    EXPECT_EQ(obj["attributes"][0]["name"], "normal");
+    EXPECT_EQ(obj["attributes"][1]["name"], "color");
+    EXPECT_EQ(obj["notes"], json({"1 vertices without a finite position are left out, and 1 triangles that use them"}));
+    EXPECT_EQ(obj["faces"], 2);
+}
+
 // Names are data: they can neither break the JSON nor steer a terminal.
 TEST_F(InfoCommand, HostileNamesAreEscaped) {
     test::LasFile file = scan();

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "io/format.h"
+
+namespace strata {
+
+/// What `strata info` says of a mesh: its headers say little or nothing, so all of it is read.
+nlohmann::ordered_json mesh_report(const std::string& path, const Format& format, uint64_t memory_bytes);
+
+}  // namespace strata
