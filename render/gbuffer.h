@@ -8,10 +8,18 @@
 
 namespace strata {
 
-/// What a pixel shows: the node's slot among those drawn (in key order) and the point's index in it.
+/// What a pixel shows: from the highest bit on 8 bits of drawable (its number in the scene), 24 bits of slot and 32 bits of primitive.
+/// Of a cloud the slot is the node's among those drawn (in key order), and the primitive the point's index in it.
 using PixelId = uint64_t;
 inline constexpr PixelId kNoPixelId = ~PixelId{0};
-constexpr PixelId make_pixel_id(uint32_t slot, uint32_t index) { return PixelId{slot} << 32 | index; }
+inline constexpr uint32_t kMostSlots = 1 << 24;
+inline constexpr uint32_t kMostDrawables = 255;  // so that none has the number of kNoPixelId
+constexpr PixelId make_pixel_id(uint32_t slot, uint32_t primitive, uint32_t drawable = 0) {
+    return PixelId{drawable} << 56 | PixelId{slot} << 32 | primitive;
+}
+constexpr uint32_t drawable_of(PixelId id) { return uint32_t(id >> 56); }
+constexpr uint32_t slot_of(PixelId id) { return uint32_t(id >> 32) & (kMostSlots - 1); }
+constexpr uint32_t primitive_of(PixelId id) { return uint32_t(id); }
 
 inline constexpr float kNoDepth = std::numeric_limits<float>::infinity();
 

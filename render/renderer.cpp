@@ -81,8 +81,8 @@ std::vector<std::optional<CutNode>> cut_nodes(std::span<ResidentNode* const> poi
 void restore_indices(std::span<PixelId> ids, std::span<const std::optional<CutNode>> cut) {
     for (PixelId& id : ids) {
         if (id == kNoPixelId) continue;
-        const uint32_t slot = uint32_t(id >> 32);
-        if (cut[slot]) id = make_pixel_id(slot, cut[slot]->indices[uint32_t(id)]);
+        const uint32_t slot = slot_of(id);
+        if (cut[slot]) id = make_pixel_id(slot, cut[slot]->indices[primitive_of(id)]);
     }
 }
 
@@ -102,6 +102,7 @@ std::vector<PointNode> list_nodes(const LayeredCloud& cloud, const Camera& camer
     }
     if (rank >= std::numeric_limits<uint32_t>::max())
         throw Error(ErrorKind::limit, "more than 2^32 - 2 points in one picture; lower --budget");
+    if (nodes.size() > kMostSlots) throw Error(ErrorKind::limit, "more than 2^24 nodes in one picture; lower --budget");
     return nodes;
 }
 
@@ -140,7 +141,42 @@ void fill_background(std::span<Rgba8> colors, Rgba8 background, int threads) {
     });
 }
 
+void clear_gbuffer(GBuffer& out, uint32_t width, uint32_t first_row, uint32_t rows, const ResolveOptions& options) {
+    const size_t pixels = size_t(width) * rows;
+    out.width = width;
+    out.first_row = first_row;
+    out.rows = rows;
+    out.colors.assign(pixels, 0);
+    out.depths.assign(pixels, kNoDepth);
+    out.splat_px.assign(options.splat_px ? pixels : 0, 0);
+    out.ids.assign(options.ids ? pixels : 0, kNoPixelId);
+}
+
 }  // namespace
+
+// What all steps of a frame need.
+struct Renderer::Frame {
+    const Camera& camera;
+    const RenderSettings& settings;
+    RenderReport& report;
+    Stopwatch& watch;
+    PointsGlPass* gpu = nullptr;  // none: the CPU rasterizes
+    uint64_t gpu_bytes = 0;       // most that points take of its memory
+};
+
+// Rows of the picture that are drawn at a time, for a sample that lies off the middle of its pixel.
+struct Renderer::Strip {
+    uint32_t first_row, rows;
+    Vec2f offset_px;
+    ResolveOptions wanted;
+};
+
+// What is drawn of a cloud, ready for the rasterizers.
+struct Renderer::ChosenPoints {
+    std::vector<std::optional<CutNode>> cut;  // by slot, which nodes may point into
+    std::vector<PointNode> nodes;
+    double loaded_ms = 0.0;  // since the frame began, when all was loaded
+};
 
 // Passes are made when a frame first needs them.
 struct Renderer::Gl {
@@ -220,24 +256,9 @@ PointsGlPass* Renderer::gpu_rasterizer(const RenderSettings& settings) {
     }
 }
 
-RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
-                                    const std::function<void(const RenderedRows&)>& on_rows) {
-    if (settings.width == 0 || settings.height == 0 || settings.width > kLargestSide || settings.height > kLargestSide)
-        throw Error(ErrorKind::usage, "a picture's sides are from 1 to " + std::to_string(kLargestSide) + " pixels");
-    if (settings.samples < 1 || settings.samples > kMostSamples)
-        throw Error(ErrorKind::usage, "1 to " + std::to_string(kMostSamples) + " samples are possible");
-    check_camera(camera);
-    RenderReport report;
-    Stopwatch watch(report);
-
-    if (gl_) gl_->context.make_current();  // another renderer's may be
-    PointsGlPass* const gpu = gpu_rasterizer(settings);
-    report.rasterizer = gpu != nullptr ? Rasterizer::gpu : Rasterizer::cpu;
-    const uint64_t uploaded_before = gpu != nullptr ? gpu->uploaded_bytes() : 0;
-    // Of the GPU's memory, which is the program's own with software GL.
-    const uint64_t gpu_bytes = gpu != nullptr ? settings.memory_bytes / kGpuShare : 0;
-    if (gl_) watch.lap("gl start");
-
+// Selects, loads and cuts. used_bytes: of the memory cap, by what is not points
+Renderer::ChosenPoints Renderer::choose_points(Frame& frame, LayeredCloud& cloud, uint64_t used_bytes) {
+    auto& [camera, settings, report, watch, gpu, gpu_bytes] = frame;
     const bool normals = settings.splat.shape == SplatShape::surfel;
     const ResidencySettings residency = {settings.color, settings.colormap, settings.range, settings.filter, normals, settings.threads};
     if (!resident_ || !resident_->is_for(cloud, residency)) {
@@ -246,13 +267,7 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     }
     watch.lap("load");
 
-    const uint32_t strip_rows = choose_strip_rows(settings);
-    const int edl_reach = edl_reach_px(settings), fill_reach = settings.fill.reach_px(), ssao_reach = settings.ssao.reach_px();
-    // Each pass needs the finished rows that the next one looks at.
-    const int reach = fill_reach + ssao_reach + edl_reach;
     SelectionSettings selection_settings = settings.selection;
-    const uint64_t strip_pixels = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach));
-    const uint64_t used_bytes = strip_pixels * pixel_bytes(settings) + (gpu != nullptr && gl_->software ? gpu_bytes + strip_pixels * gpu_pixel_bytes(settings.splat) : 0);
     const ClipRegion clip(settings.clips, cloud.info().quantization);
     selection_settings.memory_bytes = settings.memory_bytes - std::min(settings.memory_bytes, used_bytes);
     // With a filter every node is copied, as those are that a clip box cuts.
@@ -272,26 +287,78 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     frames_at_rest_ = last_camera_ == camera ? std::min(frames_at_rest_ + 1, 30u) : 0;
     last_camera_ = camera;
     const double budget_ms = settings.time_budget_ms * double(1u << frames_at_rest_);
-    FrameNodes frame = resident_->gather(selection, selection_settings, selection_settings.memory_bytes - std::min(selection_settings.memory_bytes, selection.cut_bytes),
+    FrameNodes nodes = resident_->gather(selection, selection_settings, selection_settings.memory_bytes - std::min(selection_settings.memory_bytes, selection.cut_bytes),
                                          loading_deadline(settings, budget_ms));
     report.failures = resident_->take_failures();
     watch.lap("load");
-    const double loaded_ms = watch.total_ms();
+    ChosenPoints chosen;
+    chosen.loaded_ms = watch.total_ms();
     if (settings.time_budget_ms > 0.0)
-        frame.limit_points(uint64_t(std::max(budget_ms - loaded_ms, 0.0) / ms_per_point_));
-    report.nodes_drawn = frame.ids.size();
-    report.nodes_missing = frame.missing;
-    report.error_px = std::max(selection.error_px, frame.missing_error_px);
-    report.bound_by = frame.missing > 0 ? BoundBy::time : selection.bound_by;
+        nodes.limit_points(uint64_t(std::max(budget_ms - chosen.loaded_ms, 0.0) / ms_per_point_));
+    report.nodes_drawn = nodes.ids.size();
+    report.nodes_missing = nodes.missing;
+    report.error_px = std::max(selection.error_px, nodes.missing_error_px);
+    report.bound_by = nodes.missing > 0 ? BoundBy::time : selection.bound_by;
 
     if (settings.splat.fixed_px <= 0.0f) {
-        update_shapes(cloud, frame.ids, frame.points, settings.threads);
+        update_shapes(cloud, nodes.ids, nodes.points, settings.threads);
         watch.lap("shapes");
     }
-    const std::vector<std::optional<CutNode>> cut = cut_nodes(frame.points, clip, settings.threads);
-    const std::vector<PointNode> nodes = list_nodes(cloud, camera, settings, frame.ids, frame.points, cut);
-    for (const PointNode& node : nodes) report.points_drawn += node.points->size();
+    chosen.cut = cut_nodes(nodes.points, clip, settings.threads);
+    chosen.nodes = list_nodes(cloud, camera, settings, nodes.ids, nodes.points, chosen.cut);
+    for (const PointNode& node : chosen.nodes) report.points_drawn += node.points->size();
     watch.lap("cut");
+    return chosen;
+}
+
+void Renderer::draw_points(Frame& frame, const LayeredCloud& cloud, const ChosenPoints& chosen, const Strip& strip, GBuffer& out) {
+    auto& [camera, settings, report, watch, gpu, gpu_bytes] = frame;
+    PointsPass& pass = buffers_->points;
+    PointProjection projection(camera, cloud.info().quantization, settings.width, settings.height);
+    projection.center_x -= strip.offset_px.x();
+    projection.center_y -= strip.offset_px.y();
+    if (gpu != nullptr) {
+        const WordRows words = pass.resize(settings.width, strip.first_row, strip.rows);
+        LightSum* const light = settings.splat.shape == SplatShape::gaussian ? pass.resize_sums() : nullptr;
+        gpu->draw(words, light, chosen.nodes, projection, settings.splat, gpu_bytes);
+    } else {
+        pass.clear(settings.width, strip.first_row, strip.rows, settings.threads);
+        watch.lap("clear");
+        pass.draw(chosen.nodes, projection, settings.splat, settings.threads);
+    }
+    watch.lap("points");
+    pass.resolve(chosen.nodes, projection, settings.splat, strip.wanted, settings.threads, out);
+    restore_indices(out.ids, chosen.cut);
+    watch.lap("resolve");
+}
+
+RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, const RenderSettings& settings,
+                                    const std::function<void(const RenderedRows&)>& on_rows) {
+    if (settings.width == 0 || settings.height == 0 || settings.width > kLargestSide || settings.height > kLargestSide)
+        throw Error(ErrorKind::usage, "a picture's sides are from 1 to " + std::to_string(kLargestSide) + " pixels");
+    if (settings.samples < 1 || settings.samples > kMostSamples)
+        throw Error(ErrorKind::usage, "1 to " + std::to_string(kMostSamples) + " samples are possible");
+    check_camera(camera);
+    RenderReport report;
+    Stopwatch watch(report);
+
+    if (gl_) gl_->context.make_current();  // another renderer's may be
+    PointsGlPass* const gpu = scene.cloud != nullptr ? gpu_rasterizer(settings) : nullptr;
+    report.rasterizer = gpu != nullptr ? Rasterizer::gpu : Rasterizer::cpu;
+    const uint64_t uploaded_before = gpu != nullptr ? gpu->uploaded_bytes() : 0;
+    // Of the GPU's memory, which is the program's own with software GL.
+    const uint64_t gpu_bytes = gpu != nullptr ? settings.memory_bytes / kGpuShare : 0;
+    Frame frame = {camera, settings, report, watch, gpu, gpu_bytes};
+    if (gl_) watch.lap("gl start");
+
+    const uint32_t strip_rows = choose_strip_rows(settings);
+    const int edl_reach = edl_reach_px(settings), fill_reach = scene.cloud != nullptr ? settings.fill.reach_px() : 0, ssao_reach = settings.ssao.reach_px();
+    // Each pass needs the finished rows that the next one looks at.
+    const int reach = fill_reach + ssao_reach + edl_reach;
+    const uint64_t strip_pixels = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach));
+    const uint64_t used_bytes = strip_pixels * pixel_bytes(settings) + (gpu != nullptr && gl_->software ? gpu_bytes + strip_pixels * gpu_pixel_bytes(settings.splat) : 0);
+    ChosenPoints chosen;
+    if (scene.cloud != nullptr) chosen = choose_points(frame, *scene.cloud, used_bytes);
 
     if (edl_reach + fill_reach + ssao_reach > 0) {
         start_gl(settings.threads);
@@ -302,7 +369,7 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
     if (gl_) report.gl_renderer = gl_->context.renderer();
 
     // Depths and identities are those of the first sample, which lies in the middle of the pixel.
-    auto& [pass, first, others, ssao, shaded, sums] = *buffers_;
+    auto& [points, first, others, ssao, shaded, sums] = *buffers_;
     for (uint32_t row = 0; row < settings.height; row += strip_rows) {
         const uint32_t rows = std::min(strip_rows, settings.height - row);
         // Neighbours of the strip's own rows are drawn with it, so that its seams do not show.
@@ -311,24 +378,12 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
         std::span<Rgba8> finished;
         for (uint32_t sample = 0; sample < settings.samples; ++sample) {
             GBuffer& gbuffer = sample == 0 ? first : others;
-            PointProjection projection(camera, cloud.info().quantization, settings.width, settings.height);
-            const Vec2f offset_px = sample_offset_px(sample, settings.samples);
-            projection.center_x -= offset_px.x();
-            projection.center_y -= offset_px.y();
-            if (gpu != nullptr) {
-                const WordRows words = pass.resize(settings.width, row - above, above + rows + below);
-                LightSum* const light = settings.splat.shape == SplatShape::gaussian ? pass.resize_sums() : nullptr;
-                gpu->draw(words, light, nodes, projection, settings.splat, gpu_bytes);
-            } else {
-                pass.clear(settings.width, row - above, above + rows + below, settings.threads);
-                watch.lap("clear");
-                pass.draw(nodes, projection, settings.splat, settings.threads);
-            }
-            watch.lap("points");
-            const ResolveOptions wanted = {.splat_px = fill_reach + ssao_reach > 0 || (edl_reach > 0 && settings.edl.follow_splats), .ids = settings.with_ids && sample == 0};
-            pass.resolve(nodes, projection, settings.splat, wanted, settings.threads, gbuffer);
-            restore_indices(gbuffer.ids, cut);
-            watch.lap("resolve");
+            const Strip strip = {row - above, above + rows + below, sample_offset_px(sample, settings.samples),
+                                 {.splat_px = fill_reach + ssao_reach > 0 || (edl_reach > 0 && settings.edl.follow_splats), .ids = settings.with_ids && sample == 0}};
+            if (scene.cloud != nullptr)
+                draw_points(frame, *scene.cloud, chosen, strip, gbuffer);
+            else
+                clear_gbuffer(gbuffer, settings.width, strip.first_row, strip.rows, strip.wanted);
             if (fill_reach > 0) {
                 if (gl_passes != nullptr)
                     gl_passes->fill_pass().fill(gbuffer, settings.fill, camera, settings.height);
@@ -364,7 +419,7 @@ RenderReport Renderer::render_frame(LayeredCloud& cloud, const Camera& camera, c
                  settings.with_ids ? std::span(first.ids).subspan(skip, count) : std::span<PixelId>()});
         watch.lap("output");
     }
-    if (report.points_drawn > 0) ms_per_point_ = (watch.total_ms() - loaded_ms) / double(report.points_drawn);
+    if (report.points_drawn > 0) ms_per_point_ = (watch.total_ms() - chosen.loaded_ms) / double(report.points_drawn);
     if (gpu != nullptr) report.uploaded_bytes = gpu->uploaded_bytes() - uploaded_before;
     report.frame_ms = watch.total_ms();
     return report;

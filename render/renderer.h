@@ -18,6 +18,7 @@
 #include "render/pass/points_pass.h"
 #include "render/pass/ssao_kernel.h"
 #include "render/point_color.h"
+#include "render/scene.h"
 #include "render/stream/resident_cloud.h"
 
 namespace strata {
@@ -80,11 +81,11 @@ public:
     Renderer();
     ~Renderer();
 
-    /// Draws the cloud as the camera sees it and hands out the picture from top to bottom, a strip at a time.
+    /// Draws the scene as the camera sees it and hands out the picture from top to bottom, a strip at a time.
     /// The pixels depend on neither threads nor strips, nor, if it waits, on what is in memory. A node that cannot be read is
     /// left out, so that its parent shows, and is reported once. The cloud must outlive the renderer or forget_cloud.
     /// throws  Error{usage} for a camera or size that cannot be, and for surfels of a cloud without normals; for the rasterizer `gpu` Error{device} where there is no GL
-    RenderReport render_frame(LayeredCloud& cloud, const Camera& camera, const RenderSettings& settings,
+    RenderReport render_frame(const Scene& scene, const Camera& camera, const RenderSettings& settings,
                               const std::function<void(const RenderedRows&)>& on_rows);
 
     /// Drops the nodes in memory and stops reading.
@@ -96,8 +97,13 @@ public:
 private:
     struct Buffers;
     struct Gl;
+    struct Frame;
+    struct ChosenPoints;
+    struct Strip;
     void start_gl(int threads);
     PointsGlPass* gpu_rasterizer(const RenderSettings& settings);
+    ChosenPoints choose_points(Frame& frame, LayeredCloud& cloud, uint64_t used_bytes);
+    void draw_points(Frame& frame, const LayeredCloud& cloud, const ChosenPoints& chosen, const Strip& strip, GBuffer& out);
 
     std::unique_ptr<Buffers> buffers_;
     std::unique_ptr<Gl> gl_;  // none: not started, or of no use. On software GL only for the rasterizer that was asked for

@@ -411,5 +411,35 @@ TEST(Renderer, NothingIsBackground) {
     EXPECT_EQ(frame.report.points_drawn, 0u);
 }
 
+// A scene without drawables does, too, lit or not.
+TEST(Renderer, AnEmptySceneIsBackground) {
+    RenderSettings settings = settings_of(hill_cloud());
+    settings.with_ids = true;
+    settings.fill.gap_px = FillSettings::kWidestGap;
+    settings.ssao.radius = 1.0f;
+    EXPECT_TRUE(Scene().bounds().empty());
+    std::vector<Rgba8> colors;
+    std::vector<PixelId> ids;
+    Renderer().render_frame(Scene(), Camera(), settings, [&](const RenderedRows& rows) {
+        colors.insert(colors.end(), rows.colors.begin(), rows.colors.end());
+        ids.insert(ids.end(), rows.ids.begin(), rows.ids.end());
+    });
+    EXPECT_EQ(colors, std::vector<Rgba8>(320 * 200, settings.background));
+    EXPECT_EQ(ids, std::vector<PixelId>(320 * 200, kNoPixelId));
+}
+
+// Each part of an id comes back as it was, and none that is made is the one that stands for nothing.
+TEST(PixelId, HoldsItsParts) {
+    for (const uint32_t drawable : {0u, 1u, kMostDrawables - 1})
+        for (const uint32_t slot : {0u, 5u, kMostSlots - 1})
+            for (const uint32_t primitive : {0u, 77u, 0xffffffffu}) {
+                const PixelId id = make_pixel_id(slot, primitive, drawable);
+                EXPECT_EQ(drawable_of(id), drawable);
+                EXPECT_EQ(slot_of(id), slot);
+                EXPECT_EQ(primitive_of(id), primitive);
+                EXPECT_NE(id, kNoPixelId);
+            }
+}
+
 }  // namespace
 }  // namespace strata
