@@ -18,6 +18,7 @@ enum class FormatKind {
     points,        // a plain list of points: opened with open_points
     layered,       // a level-of-detail data set: opened with open_layered
     mesh,          // triangles: read with read_mesh of io/mesh
+    voxels,        // a sparse voxel octree: opened with open_svo of io/svo
     not_readable,  // recognised, but not readable by this version; opening it says so
 };
 

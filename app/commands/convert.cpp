@@ -1,6 +1,4 @@
 // strata convert: scans to level-of-detail data sets and other files. What is common to all outputs; each kind has a file beside.
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -12,6 +10,7 @@
 #include "app/commands/convert_output.h"
 #include "app/commands/spared_inputs.h"
 #include "app/cut_options.h"
+#include "app/peak_memory.h"
 #include "app/quantity_text.h"
 #include "core/cloud/salvaged_source.h"
 #include "core/cloud/selected_source.h"
@@ -111,12 +110,6 @@ Opened open_wanted(std::span<const std::string> inputs, const WantedPoints& want
     if (wanted.deepest_level) settings.nodes.deepest_level = *wanted.deepest_level;
     opened.source = select_points(open_points(inputs, settings), of_all, threads);
     return opened;
-}
-
-uint64_t peak_memory_bytes() {
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
-    return uint64_t(usage.ru_maxrss) * 1024;
 }
 
 // The formats that convert writes, and what makes each.

@@ -184,6 +184,25 @@ void layer_rows(const ordered_json& report, Block& block) {
     if (report.contains("sampling")) sampling_rows(report["sampling"], block);
 }
 
+void voxel_rows(const ordered_json& report, Block& block) {
+    if (!report.contains("level_table")) return;
+    block.row("voxel size", number_text(report["voxel_size"]));
+    vector_row(report, "origin", block);
+    std::string size = size_text(report["bytes"]);
+    if (report["bytes_per_voxel"].is_number()) {
+        char text[48];
+        std::snprintf(text, sizeof text, ", %.3f a voxel", report["bytes_per_voxel"].get<double>());
+        size += text;
+    }
+    block.row("bytes", size);
+    for (const ordered_json& level : report["level_table"]) {
+        char text[96];
+        std::snprintf(text, sizeof text, "%s nodes of %-10.6g %.3g of the cube", padded(with_commas(level["nodes"]), 14, true).c_str(),
+                      level["cell_size"].get<double>(), level["occupancy"].get<double>());
+        block.row("level " + std::to_string(level["level"].get<int>()), text);
+    }
+}
+
 }  // namespace
 
 std::string info_text(const std::string& report_json) {
@@ -191,7 +210,7 @@ std::string info_text(const std::string& report_json) {
     Block block;
     block.text_ = printable(report["path"]) + "\n";
     block.row("format", printable(report["detail"]));
-    for (const char* const key : {"points", "vertices", "triangles"})
+    for (const char* const key : {"points", "vertices", "triangles", "voxels"})
         if (report.contains(key)) block.row(key, with_commas(report[key]));
     if (report.contains("faces") && report["faces"] != report["triangles"]) block.row("faces", with_commas(report["faces"]) + " polygons");
     bounds_rows(report, block);
@@ -199,6 +218,7 @@ std::string info_text(const std::string& report_json) {
     vector_row(report, "offset", block);
     if (!text_of(report, "crs").empty()) block.row("crs", crs_text(report));
     layer_rows(report, block);
+    voxel_rows(report, block);
     if (report.contains("rgb_bits") && report["rgb_bits"] != 0) block.row("rgb", std::to_string(report["rgb_bits"].get<int>()) + " of 16 bits used");
     attribute_rows(report["attributes"], block);
     if (report.contains("points_by_return")) share_rows(report["points_by_return"], "returns", false, block);

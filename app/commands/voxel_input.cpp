@@ -1,0 +1,138 @@
+// What strata voxelize makes voxels of: meshes and points.
+#include "app/commands/voxel_input.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <mutex>
+#include <utility>
+
+#include "app/quantity_text.h"
+#include "core/cloud/cloud_statistics.h"
+#include "core/error.h"
+#include "core/voxel/mesh_voxels.h"
+#include "core/voxel/point_voxels.h"
+#include "io/format.h"
+#include "io/mesh/mesh_reader.h"
+#include "io/scratch_file.h"
+
+namespace strata {
+namespace {
+
+VoxelFrame frame_of(const Box3d& box, const VoxelRequest& request) {
+    return request.resolution ? frame_of_resolution(box, *request.resolution) : frame_of_voxel_size(box, request.voxel_size);
+}
+
+Error wrong_kind(const VoxelRequest& request, const std::string& expected) {
+    return {ErrorKind::usage, "--kind: expected " + expected + ", got '" + request.kind + "'"};
+}
+
+class MeshInput : public VoxelInput {
+public:
+    MeshInput(const std::string& path, const VoxelRequest& request) : request_(request), kind_(request.kind.empty() ? "conservative" : request.kind) {
+        constexpr std::array kKinds = {std::pair("conservative", VoxelKind::conservative), std::pair("thin", VoxelKind::thin)};
+        const auto* const found = std::find_if(kKinds.begin(), kKinds.end(), [&](const auto& row) { return row.first == kind_; });
+        if (found == kKinds.end()) throw wrong_kind(request, "conservative or thin for a mesh");
+        settings_.kind = found->second;
+        if (request.attributes) attributes_ = *request.attributes;
+        if (attributes_.any_of_voxels()) throw Error(ErrorKind::usage, "--attributes: voxels of a mesh have opacity only");
+        MeshReport report;
+        mesh_ = read_mesh(path, {.most_bytes = request.memory_bytes, .triangles_needed = true}, &report);
+        notes = report.notes;
+        Box3d box;
+        for (const std::array<uint32_t, 3>& triangle : mesh_.triangles)
+            for (const uint32_t vertex : triangle) box.extend(mesh_.positions[vertex]);
+        frame_ = frame_of(box, request);
+        settings_.threads = request.threads;
+        settings_.memory_bytes = request.memory_bytes - std::min(request.memory_bytes, mesh_.size_bytes());
+    }
+
+    const std::string& kind() const override { return kind_; }
+    const VoxelFrame& frame() const override { return frame_; }
+    const VoxelAttributes& attributes() const override { return attributes_; }
+
+    // A surface of area A and normal n touches A |n|_1 / h^2 voxels, and blocks of 4^3 of them at 1/16 of that, of 8 bytes each.
+    uint64_t estimated_bytes() const override {
+        double area = 0.0;
+        for (const std::array<uint32_t, 3>& t : mesh_.triangles) {
+            const Vec3d& a = mesh_.positions[t[0]];
+            area += 0.5 * (mesh_.positions[t[1]] - a).cross(mesh_.positions[t[2]] - a).lpNorm<1>();
+        }
+        const double voxels = area / (frame_.voxel_size * frame_.voxel_size);
+        return uint64_t(std::min(0.5 * voxels, 0x1p62));
+    }
+
+    bool voxelize(const VoxelSink& sink, ProgressLine& progress) override {
+        settings_.on_progress = [&](const VoxelProgress& p) { progress.update("voxelizing", p.done, p.total); };
+        voxelize_mesh(mesh_, frame_, settings_, sink);
+        return true;
+    }
+
+private:
+    VoxelRequest request_;
+    std::string kind_;
+    TriangleMesh mesh_;
+    VoxelFrame frame_;
+    VoxelAttributes attributes_;
+    MeshVoxelSettings settings_;
+};
+
+class PointsInput : public VoxelInput {
+public:
+    PointsInput(std::span<const std::string> words, const VoxelRequest& request) : request_(request) {
+        if (!request.kind.empty() && request.kind != kind_) throw wrong_kind(request, "points for points");
+        const std::vector<std::string> files = point_files(words);
+        source_ = open_points(files);
+        const CloudInfo& info = source_->info();
+        if (info.points == 0) throw Error(ErrorKind::malformed, files.front() + ": no points to make voxels of");
+        notes = info.notes;
+        attributes_ = request.attributes ? *request.attributes : VoxelAttributes{.color = find_attribute(info.attributes, attribute_name::kRgb) >= 0};
+        frame_ = frame_of(info.bounds.empty() || !info.bounds.min.allFinite() || !info.bounds.max.allFinite() ? exact_bounds() : info.bounds, request);
+    }
+
+    const std::string& kind() const override { return kind_; }
+    const VoxelFrame& frame() const override { return frame_; }
+    const VoxelAttributes& attributes() const override { return attributes_; }
+    std::string crs() const override { return source_->info().crs; }
+
+    bool voxelize(const VoxelSink& sink, ProgressLine& progress) override {
+        const std::unique_ptr<ScratchStore> scratch = make_scratch_file(request_.scratch_folder);
+        std::mutex mutex;
+        uint64_t done = 0;
+        PointVoxelSettings settings = {.attributes = attributes_, .threads = request_.threads, .memory_bytes = request_.memory_bytes / 4 * 3, .scratch = scratch.get()};
+        settings.on_points = [&](uint64_t points) {
+            const std::lock_guard lock(mutex);
+            progress.update("voxelizing", done += points, source_->info().points);
+        };
+        const PointVoxelReport report = voxelize_points(*source_, frame_, settings, sink);
+        points_read = report.points;
+        scratch_bytes = report.scratch_bytes;
+        if (report.outside == 0) return true;
+        notes.push_back("the header's bounds leave " + with_commas(report.outside) + " points out; those of the points are taken");
+        frame_ = frame_of(exact_bounds(), request_);
+        return false;
+    }
+
+private:
+    Box3d exact_bounds() const { return measure_cloud(*source_, request_.threads).bounds; }
+
+    VoxelRequest request_;
+    std::string kind_ = "points";
+    std::unique_ptr<PointSource> source_;
+    VoxelFrame frame_;
+    VoxelAttributes attributes_;
+};
+
+}  // namespace
+
+std::unique_ptr<VoxelInput> open_voxel_input(std::span<const std::string> words, const VoxelRequest& request) {
+    if (words.size() == 1) {
+        const bool data_set = std::filesystem::is_directory(words[0]);
+        if (!data_set && identify_format(words[0]).kind == FormatKind::mesh) return std::make_unique<MeshInput>(words[0], request);
+    }
+    return std::make_unique<PointsInput>(words, request);
+}
+
+}  // namespace strata
