@@ -13,11 +13,15 @@ namespace {
 
 constexpr size_t kKinds = 6;
 constexpr size_t kPlaces = 2 * kMostVoxelLevels + 1;
-constexpr size_t kBufferBytes = 3 << 14;  // whole elements of 1, 3, 4 and 8 bytes
+constexpr size_t kBufferBytes = size_t{1} << 14;
 
 VoxelColor mean_color(const std::array<uint64_t, 3>& sums, uint64_t weight) {
     VoxelColor color = {};
-    for (size_t c = 0; c < 3 && weight > 0; ++c) color[c] = uint8_t((sums[c] + weight / 2) / weight);
+    if (weight == 0) return color;
+    if (weight < (uint64_t{1} << 24))  // short divisions are many times faster
+        for (size_t c = 0; c < 3; ++c) color[c] = uint8_t((uint32_t(sums[c]) + uint32_t(weight) / 2) / uint32_t(weight));
+    else
+        for (size_t c = 0; c < 3; ++c) color[c] = uint8_t((sums[c] + weight / 2) / weight);
     return color;
 }
 
@@ -28,6 +32,23 @@ VoxelNormal mean_normal(const std::array<int64_t, 3>& sums) {
     for (size_t c = 0; c < 3 && length > 0.0; ++c) normal[c] = int8_t(std::lround(sum[int(c)] * (127.0 / length)));
     return normal;
 }
+
+// Along each axis, of 8 cells of which some are present: the mean over the four columns of two.
+std::array<double, 3> opacity_of(const std::array<std::array<double, 3>, 8>& cells, uint32_t present) {
+    std::array<double, 3> mean = {};
+    for (size_t axis = 0; axis < 3; ++axis) {
+        const uint32_t step = 4u >> axis;  // octant digits are 4 x + 2 y + z
+        for (uint32_t near = 0; near < 8; ++near) {
+            if ((near & step) != 0) continue;
+            const double a = (present >> near & 1) != 0 ? cells[near][axis] : 0.0, b = (present >> (near | step) & 1) != 0 ? cells[near | step][axis] : 0.0;
+            mean[axis] += 0.25 * (1.0 - (1.0 - a) * (1.0 - b));
+        }
+    }
+    return mean;
+}
+
+constexpr std::array<double, 3> kOpaqueCell = {1.0, 1.0, 1.0};
+constexpr std::array<std::array<double, 3>, 8> kOpaque = {kOpaqueCell, kOpaqueCell, kOpaqueCell, kOpaqueCell, kOpaqueCell, kOpaqueCell, kOpaqueCell, kOpaqueCell};
 
 }  // namespace
 
@@ -51,14 +72,21 @@ VoxelTreeBuilder::VoxelTreeBuilder(const VoxelFrame& frame, const VoxelAttribute
     counts_.cells.resize(size_t(frame.depth()) + 1);
 }
 
+void VoxelTreeBuilder::append_bytes(VoxelStream stream, std::span<const std::byte> bytes) {
+    Buffer& buffer = buffers_[size_t(stream.kind) * kPlaces + stream.place];
+    if (buffer.used + bytes.size() > kBufferBytes && buffer.used > 0) {
+        out_.append(stream, std::span(buffer.bytes.get(), buffer.used));
+        buffer.used = 0;
+    }
+    if (bytes.size() > kBufferBytes) return out_.append(stream, bytes);
+    if (buffer.bytes == nullptr) buffer.bytes = std::make_unique<std::byte[]>(kBufferBytes);
+    std::memcpy(buffer.bytes.get() + buffer.used, bytes.data(), bytes.size());
+    buffer.used += bytes.size();
+}
+
 template <typename T>
 void VoxelTreeBuilder::append(VoxelStream::Kind kind, size_t place, const T& element) {
-    std::vector<std::byte>& buffer = buffers_[size_t(kind) * kPlaces + place];
-    const auto* const bytes = reinterpret_cast<const std::byte*>(&element);
-    buffer.insert(buffer.end(), bytes, bytes + sizeof element);
-    if (buffer.size() < kBufferBytes) return;
-    out_.append({kind, uint8_t(place)}, buffer);
-    buffer.clear();
+    append_bytes({kind, uint8_t(place)}, std::as_bytes(std::span(&element, 1)));
 }
 
 void VoxelTreeBuilder::append_node(size_t level, uint64_t mask, uint64_t full) {
@@ -85,51 +113,71 @@ void VoxelTreeBuilder::append_cell(size_t depth, const Sums& cell) {
     append(VoxelStream::Kind::opacity, depth, opacity);
 }
 
-VoxelTreeBuilder::Sums VoxelTreeBuilder::parent_of(const Sums* children, uint32_t present, bool voxels) const {
-    Sums parent;
-    if (attributes_.any_of_voxels())
-        for (uint32_t left = present; left != 0; left &= left - 1) {
-            const Sums& child = children[std::countr_zero(left)];
-            parent.weight += child.weight;
-            parent.count += child.count;
-            for (size_t c = 0; c < 3; ++c) parent.color[c] += child.color[c];
-            for (size_t c = 0; c < 3; ++c) parent.normal[c] += child.normal[c];
-        }
-    if (!attributes_.opacity) return parent;
-    for (size_t axis = 0; axis < 3; ++axis) {
-        const uint32_t step = 4u >> axis;  // octant digits are 4 x + 2 y + z
-        for (uint32_t near = 0; near < 8; ++near) {
-            if ((near & step) != 0) continue;
-            const auto opacity = [&](uint32_t octant) {
-                if ((present >> octant & 1) == 0) return 0.0;
-                return voxels ? 1.0 : children[octant].opacity[axis];
-            };
-            parent.opacity[axis] += 0.25 * (1.0 - (1.0 - opacity(near)) * (1.0 - opacity(near | step)));
-        }
-    }
-    return parent;
+void VoxelTreeBuilder::add_sums(const Sums& child, Sums& parent) const {
+    if (!attributes_.any_of_voxels()) return;
+    parent.weight += child.weight;
+    parent.count += child.count;
+    if (attributes_.color)
+        for (size_t c = 0; c < 3; ++c) parent.color[c] += child.color[c];
+    if (attributes_.normal)
+        for (size_t c = 0; c < 3; ++c) parent.normal[c] += child.normal[c];
 }
 
-// Stores what is known of a node's cells, and gives what is known of all of them.
+// Stores what is known of the cells of a node above the voxels, and gives what is known of all of them.
 VoxelTreeBuilder::Sums VoxelTreeBuilder::finish_cells(size_t level, uint64_t mask, const std::array<Sums, 64>& cells) {
-    const bool voxels = level + 1 == open_.size();
-    std::array<Sums, 8> octants;
+    Sums node;
+    std::array<std::array<double, 3>, 8> octant_opacities;
     for (uint32_t left = bytes_present(mask); left != 0; left &= left - 1) {
-        const int octant = std::countr_zero(left);
-        octants[size_t(octant)] = parent_of(&cells[size_t(8 * octant)], uint32_t(mask >> 8 * octant & 0xff), voxels);
-        append_cell(2 * level + 1, octants[size_t(octant)]);
+        const size_t octant = size_t(std::countr_zero(left));
+        const uint32_t present = uint32_t(mask >> 8 * octant & 0xff);
+        Sums sums;
+        std::array<std::array<double, 3>, 8> opacities;
+        for (uint32_t cell = present; cell != 0; cell &= cell - 1) {
+            const size_t bit = size_t(std::countr_zero(cell));
+            add_sums(cells[8 * octant + bit], sums);
+            opacities[bit] = cells[8 * octant + bit].opacity;
+        }
+        if (attributes_.opacity) octant_opacities[octant] = sums.opacity = opacity_of(opacities, present);
+        append_cell(2 * level + 1, sums);
+        add_sums(sums, node);
     }
-    for (uint64_t left = voxels ? 0 : mask; left != 0; left &= left - 1)
-        append_cell(2 * level + 2, cells[size_t(std::countr_zero(left))]);
-    return parent_of(octants.data(), bytes_present(mask), false);
+    for (uint64_t left = mask; left != 0; left &= left - 1) append_cell(2 * level + 2, cells[size_t(std::countr_zero(left))]);
+    if (attributes_.opacity) node.opacity = opacity_of(octant_opacities, bytes_present(mask));
+    return node;
+}
+
+// The same of voxels, which are there one behind the other and opaque.
+VoxelTreeBuilder::Sums VoxelTreeBuilder::finish_voxels(size_t level, uint64_t mask, const VoxelBatch& batch, size_t first_voxel) {
+    Sums node;
+    std::array<std::array<double, 3>, 8> octant_opacities;
+    size_t voxel = first_voxel;
+    for (uint32_t left = bytes_present(mask); left != 0; left &= left - 1) {
+        const size_t octant = size_t(std::countr_zero(left));
+        const uint32_t present = uint32_t(mask >> 8 * octant & 0xff);
+        Sums sums;
+        for (int voxels = attributes_.any_of_voxels() ? std::popcount(present) : 0; voxels > 0; --voxels, ++voxel) {
+            const uint32_t count = batch.counts.empty() ? 1 : batch.counts[voxel];
+            sums.weight += count;
+            sums.count += count;
+            if (attributes_.color)
+                for (size_t c = 0; c < 3; ++c) sums.color[c] += uint64_t{count} * batch.colors[voxel][c];
+            if (attributes_.normal)
+                for (size_t c = 0; c < 3; ++c) sums.normal[c] += int64_t{count} * batch.normals[voxel][c];
+        }
+        if (attributes_.opacity) octant_opacities[octant] = sums.opacity = opacity_of(kOpaque, present);
+        append_cell(2 * level + 1, sums);
+        add_sums(sums, node);
+    }
+    if (attributes_.opacity) node.opacity = opacity_of(octant_opacities, bytes_present(mask));
+    return node;
 }
 
 // The open node of a level that has this code; those of this level and of the levels below that lie before it are finished.
 VoxelTreeBuilder::OpenNode& VoxelTreeBuilder::open(size_t level, uint64_t code) {
-    // Ancestors first: they finish what is below them.
-    if (level > 0) open(level - 1, code >> 6);
     OpenNode& node = open_[level];
-    if (node.active && node.code != code) close(level);
+    if (node.active && node.code == code) return node;  // and so are its ancestors
+    if (level > 0) open(level - 1, code >> 6);
+    if (node.active) close(level);
     node.active = true;
     node.code = code;
     return node;
@@ -141,21 +189,31 @@ void VoxelTreeBuilder::close(size_t level) {
     if (level + 1 < open_.size()) close(level + 1);
     const uint64_t mask = std::exchange(node.mask, 0), full = std::exchange(node.full, 0);
     const bool whole = full == kFullMask && level > 0;
-    if (!whole) append_node(level, mask, level + 1 < open_.size() ? full : 0);  // all voxels are full
     Sums sums;
-    if (whole)
+    if (whole) {
         sums.opacity = {1.0, 1.0, 1.0};
-    else if (attributes_.any_of_voxels() || attributes_.opacity)
-        sums = finish_cells(level, mask, node.cells);
-    if (level == 0) return;
+    } else {
+        append_node(level, mask, full);
+        if (attributes_.any_of_voxels() || attributes_.opacity) sums = finish_cells(level, mask, node.cells);
+    }
+    if (level > 0) finish_node(level, node.code, whole, sums);
+}
+
+// Tells the parent, which is open, of a node that is finished.
+void VoxelTreeBuilder::finish_node(size_t level, uint64_t code, bool whole, const Sums& sums) {
     OpenNode& parent = open_[level - 1];
-    const int bit = int(node.code & 63);
+    const int bit = int(code & 63);
     parent.mask |= uint64_t{1} << bit;
     if (whole) parent.full |= uint64_t{1} << bit;
     parent.cells[size_t(bit)] = sums;
 }
 
 void VoxelTreeBuilder::add(const VoxelBatch& batch) {
+    const size_t deepest = open_.size();
+    const auto append_column = [&](VoxelStream::Kind kind, const auto& column) { append_bytes({kind, uint8_t(2 * deepest)}, std::as_bytes(std::span(column))); };
+    if (attributes_.count) append_column(VoxelStream::Kind::count, batch.counts);
+    if (attributes_.color) append_column(VoxelStream::Kind::color, batch.colors);
+    if (attributes_.normal) append_column(VoxelStream::Kind::normal, batch.normals);
     size_t voxel = 0;
     for (const VoxelBlock& block : batch.blocks) {
         assert(block.mask != 0 && block.height >= 0 && block.height < frame_.levels);
@@ -168,7 +226,7 @@ void VoxelTreeBuilder::add(const VoxelBatch& batch) {
             voxel += size_t(std::popcount(block.mask));
             continue;
         }
-        OpenNode& node = open(open_.size() - 1 - size_t(block.height), block.code);
+        OpenNode& node = open(deepest - 1 - size_t(block.height), block.code);
         node.mask |= block.mask;
         node.full |= block.mask;
         if (attributes_.opacity)
@@ -178,37 +236,24 @@ void VoxelTreeBuilder::add(const VoxelBatch& batch) {
 
 void VoxelTreeBuilder::add_leaf(const VoxelBlock& block, const VoxelBatch& batch, size_t first_voxel) {
     const size_t level = open_.size() - 1;
-    OpenNode& node = open(level, block.code);
-    node.mask = block.mask;
-    if (!attributes_.any_of_voxels()) {
-        node.full = block.mask;
-        close(level);
-        return;
+    if (level > 0) open(level - 1, block.code >> 6);
+    const bool whole = block.mask == kFullMask && level > 0 && !attributes_.any_of_voxels();
+    Sums sums;
+    if (whole) {
+        sums.opacity = {1.0, 1.0, 1.0};
+    } else {
+        append_node(level, block.mask, 0);
+        if (attributes_.any_of_voxels() || attributes_.opacity) sums = finish_voxels(level, block.mask, batch, first_voxel);
     }
-    size_t voxel = first_voxel;
-    for (uint64_t left = block.mask; left != 0; left &= left - 1, ++voxel) {
-        Sums& cell = node.cells[size_t(std::countr_zero(left))];
-        cell.count = batch.counts.empty() ? 1 : batch.counts[voxel];
-        cell.weight = cell.count;
-        if (attributes_.count) append(VoxelStream::Kind::count, 2 * level + 2, batch.counts[voxel]);
-        if (attributes_.color) {
-            append(VoxelStream::Kind::color, 2 * level + 2, batch.colors[voxel]);
-            for (size_t c = 0; c < 3; ++c) cell.color[c] = cell.weight * batch.colors[voxel][c];
-        }
-        if (attributes_.normal) {
-            append(VoxelStream::Kind::normal, 2 * level + 2, batch.normals[voxel]);
-            for (size_t c = 0; c < 3; ++c) cell.normal[c] = int64_t(cell.weight) * batch.normals[voxel][c];
-        }
-    }
-    close(level);
+    if (level > 0) finish_node(level, block.code, whole, sums);
 }
 
 VoxelTreeCounts VoxelTreeBuilder::finish() {
     close(0);
     for (size_t kind = 0; kind < kKinds; ++kind)
         for (size_t place = 0; place < kPlaces; ++place)
-            if (const std::vector<std::byte>& buffer = buffers_[kind * kPlaces + place]; !buffer.empty())
-                out_.append({VoxelStream::Kind(kind), uint8_t(place)}, buffer);
+            if (const Buffer& buffer = buffers_[kind * kPlaces + place]; buffer.used > 0)
+                out_.append({VoxelStream::Kind(kind), uint8_t(place)}, std::span(buffer.bytes.get(), buffer.used));
     return counts_;
 }
 

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -71,22 +72,30 @@ private:
         std::array<Sums, 64> cells;             // by bit; of those that are not in the mask zero
     };
 
+    struct Buffer {
+        std::unique_ptr<std::byte[]> bytes;
+        size_t used = 0;
+    };
+
     OpenNode& open(size_t level, uint64_t code);
     void close(size_t level);
+    void finish_node(size_t level, uint64_t code, bool whole, const Sums& sums);
     void add_leaf(const VoxelBlock& block, const VoxelBatch& batch, size_t first_voxel);
-    void append_node(size_t level, uint64_t mask, uint64_t full);
     Sums finish_cells(size_t level, uint64_t mask, const std::array<Sums, 64>& cells);
-    Sums parent_of(const Sums* children, uint32_t present, bool voxels) const;
+    Sums finish_voxels(size_t level, uint64_t mask, const VoxelBatch& batch, size_t first_voxel);
+    void add_sums(const Sums& child, Sums& parent) const;
+    void append_node(size_t level, uint64_t mask, uint64_t full);
     void append_cell(size_t depth, const Sums& cell);
     template <typename T>
     void append(VoxelStream::Kind kind, size_t place, const T& element);
+    void append_bytes(VoxelStream stream, std::span<const std::byte> bytes);
 
     VoxelFrame frame_;
     VoxelAttributes attributes_;
     VoxelTreeSink& out_;
-    std::vector<OpenNode> open_;                   // [levels]; the last level's are finished at once
+    std::vector<OpenNode> open_;                   // [levels]; the last level's are finished at once and never open
     std::vector<bool> full_begun_;                 // [levels]
-    std::vector<std::vector<std::byte>> buffers_;  // by kind and place
+    std::vector<Buffer> buffers_;                  // by kind and place
     VoxelTreeCounts counts_;
     uint64_t next_code_ = 0;  // of blocks of voxels: none comes below
 };
