@@ -71,26 +71,26 @@ bool GridMesh::near(const FarPoint& p) const {
     return std::all_of(p.begin(), p.end(), [&](int64_t c) { return c >= -margin_ && c <= side_ + margin_; });
 }
 
-// Which edges are halved depends on the edge alone, so that neighbors stay neighbors.
+// Which edges are halved depends on the edge alone, so that neighbors stay neighbors. All that counts above the frame is that it is
+// there, for lines that go up from inside: ends that both are above count as if they lay at its top.
 void GridMesh::add(const std::array<FarPoint, 3>& corners) {
+    const int64_t voxel = int64_t{1} << bits_, top = side_ + 2 * voxel;
     std::vector<std::array<FarPoint, 3>> waiting = {corners};
     while (!waiting.empty()) {
-        std::array<FarPoint, 3> t = waiting.back();
+        const std::array<FarPoint, 3> t = waiting.back();
         waiting.pop_back();
-        const int64_t voxel = int64_t{1} << bits_;
         const auto beside = [&](size_t a, bool above_too) {
             const auto [low, high] = std::minmax({t[0][a], t[1][a], t[2][a]});
             return high < -voxel || (above_too && low > side_ + voxel);
         };
         if (beside(0, true) || beside(1, true) || beside(2, false)) continue;
-        // All that counts above the frame is that it is there, for lines that go up from inside.
-        if (std::min({t[0][2], t[1][2], t[2][2]}) > side_ + voxel)
-            for (FarPoint& p : t) p[2] = side_ + voxel + 1;
-        if (near(t[0]) && near(t[1]) && near(t[2])) {
-            GridTriangle part;
+        std::array<FarPoint, 3> part = t;
+        if (std::min({t[0][2], t[1][2], t[2][2]}) >= top)
+            for (FarPoint& p : part) p[2] = top;
+        if (near(part[0]) && near(part[1]) && near(part[2])) {
+            GridTriangle& added = added_.emplace_back();
             for (size_t k = 0; k < 3; ++k)
-                for (size_t a = 0; a < 3; ++a) part.corners[k][a] = int32_t(t[k][a]);
-            added_.push_back(part);
+                for (size_t a = 0; a < 3; ++a) added.corners[k][a] = int32_t(part[k][a]);
             continue;
         }
         // A corner far out, and one that is not beyond the frame on that side: an edge between them is long.
@@ -98,12 +98,11 @@ void GridMesh::add(const std::array<FarPoint, 3>& corners) {
         std::array<bool, 3> halved;
         int count = 0;
         for (size_t k = 0; k < 3; ++k) {
-            const FarPoint &p = t[k], &q = t[(k + 1) % 3];
+            FarPoint p = t[k], q = t[(k + 1) % 3];
+            for (size_t a = 0; a < 3; ++a) middle[k][a] = (p[a] + q[a]) >> 1;
+            if (p[2] >= top && q[2] >= top) p[2] = q[2] = top;
             int64_t extent = 0;
-            for (size_t a = 0; a < 3; ++a) {
-                extent = std::max(extent, std::abs(p[a] - q[a]));
-                middle[k][a] = (p[a] + q[a]) >> 1;
-            }
+            for (size_t a = 0; a < 3; ++a) extent = std::max(extent, std::abs(p[a] - q[a]));
             halved[k] = extent >= margin_ / 2 && !(near(p) && near(q));
             count += halved[k];
         }

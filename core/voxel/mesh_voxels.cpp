@@ -5,7 +5,9 @@
 #include "core/error.h"
 #include "core/voxel/brick_bins.h"
 #include "core/voxel/grid_mesh.h"
+#include "core/voxel/hole_caps.h"
 #include "core/voxel/ordered_batches.h"
+#include "core/voxel/solid_bricks.h"
 
 namespace strata {
 namespace {
@@ -63,26 +65,14 @@ CellRange voxels_of_brick(const VoxelFrame& frame, uint64_t code) {
     return range;
 }
 
-}  // namespace
-
-void voxelize_mesh(const TriangleMesh& mesh, const VoxelFrame& frame, const MeshVoxelSettings& settings, const VoxelSink& sink) {
-    uint64_t memory_left = settings.memory_bytes;
-    const auto reserve = [&](uint64_t bytes, const char* what) {
-        if (bytes > memory_left)
-            throw Error(ErrorKind::limit, std::string(what) + " take " + std::to_string((bytes >> 20) + 1) + " MiB of memory, " +
-                                              std::to_string(memory_left >> 20) + " MiB are left");
-        memory_left -= bytes;
-    };
-    reserve(mesh.positions.size() * sizeof(std::array<int32_t, 3>), "snapped vertices");
-    const GridMesh grid(mesh, frame, settings.threads);
-    const BrickBins bins(grid, settings.threads, memory_left);
+void voxelize_surface(const GridMesh& grid, const BrickBins& bins, const MeshVoxelSettings& settings, const VoxelSink& sink) {
     std::vector<BrickWorker> workers(size_t(std::max(settings.threads, 1)));
     batches_in_order(
         settings.threads, bins.bricks().size(),
         [&](int worker, size_t job, VoxelBatch& batch) {
             auto& [scanner, masks] = workers[size_t(worker)];
             const BrickBins::Brick& brick = bins.bricks()[job];
-            const CellRange clip = voxels_of_brick(frame, brick.code);
+            const CellRange clip = voxels_of_brick(grid.frame(), brick.code);
             const auto add = [&](int w, int32_t u, int32_t v, int32_t first, int32_t last) { masks.add(w, u, v, first, last); };
             for (const uint32_t i : bins.triangles(brick)) {
                 const GridTriangle t = grid[i];
@@ -96,6 +86,48 @@ void voxelize_mesh(const TriangleMesh& mesh, const VoxelFrame& frame, const Mesh
             if (!batch.blocks.empty()) sink(batch);
             if (settings.on_progress) settings.on_progress({job + 1, bins.bricks().size()});
         });
+}
+
+void voxelize_solid(const GridMesh& grid, const HoleCaps& holes, size_t first_cap, const BrickBins& bins, const MeshVoxelSettings& settings,
+                    const VoxelSink& sink) {
+    const BrickWindings windings(grid, settings.threads);
+    const SolidPlan plan = plan_solid(grid, bins, windings, holes);
+    std::vector<SolidBrick> workers(size_t(std::max(settings.threads, 1)), SolidBrick(grid, holes, first_cap));
+    batches_in_order(
+        settings.threads, plan.jobs.size(),
+        [&](int worker, size_t i, VoxelBatch& batch) {
+            const SolidJob& job = plan.jobs[i];
+            batch.blocks.assign(plan.cubes.begin() + std::ptrdiff_t(job.first_cube), plan.cubes.begin() + std::ptrdiff_t(job.last_cube));
+            if (job.has_brick)
+                workers[size_t(worker)].fill(job.code, job.triangles, windings.at(coordinates_of_code(job.code)), batch.blocks);
+        },
+        [&](size_t i, const VoxelBatch& batch) {
+            if (!batch.blocks.empty()) sink(batch);
+            if (settings.on_progress) settings.on_progress({i + 1, plan.jobs.size()});
+        });
+}
+
+}  // namespace
+
+void voxelize_mesh(const TriangleMesh& mesh, const VoxelFrame& frame, const MeshVoxelSettings& settings, const VoxelSink& sink) {
+    uint64_t memory_left = settings.memory_bytes;
+    const auto check = [&](uint64_t bytes, const char* what) {
+        if (bytes > memory_left)
+            throw Error(ErrorKind::limit, std::string(what) + " take " + std::to_string((bytes >> 20) + 1) + " MiB of memory, " +
+                                              std::to_string(memory_left >> 20) + " MiB are left");
+        return bytes;
+    };
+    memory_left -= check(mesh.positions.size() * sizeof(std::array<int32_t, 3>), "snapped vertices");
+    GridMesh grid(mesh, frame, settings.threads);
+    if (settings.kind != VoxelKind::solid) {
+        voxelize_surface(grid, BrickBins(grid, settings.threads, memory_left), settings, sink);
+        return;
+    }
+    check(HoleCaps::memory_needed(mesh), "edges of the mesh");
+    const HoleCaps holes(mesh, grid);
+    const size_t first_cap = grid.size();
+    for (const auto& cap : holes.caps()) grid.add(cap);
+    voxelize_solid(grid, holes, first_cap, BrickBins(grid, settings.threads, memory_left), settings, sink);
 }
 
 }  // namespace strata

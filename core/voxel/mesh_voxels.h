@@ -16,7 +16,11 @@ enum class VoxelKind {
     /// Those of whose three axis segments through the center, from face to face, one meets a triangle: no 6-connected path gets
     /// through. A segment has its ends but for the upper one along its axis, so a sheet on faces of voxels is one layer. A part of the
     /// conservative ones. Source: S. Laine, "A Topological Approach to Voxelization", Computer Graphics Forum 32(4), 2013.
-    thin
+    thin,
+    /// Those whose center has a generalized winding number over 1/2. Triangles turn counterclockwise seen from outside; an inside-out
+    /// mesh (winding number -1) has no inside, nested and overlapping shells (2) have. A center on the surface counts as if it lay
+    /// higher by (e^2, e^3, e) along x, y, z for a small e.
+    solid
 };
 
 struct VoxelProgress {
@@ -35,9 +39,10 @@ struct MeshVoxelSettings {
 int snapped_bits(const VoxelFrame& frame);
 
 /// Writes the voxels of a mesh to the sink, in ascending order and without attributes. Depends neither on threads and memory, nor on
-/// the order of triangles and vertices, nor on which side of a triangle is out. What lies outside the frame
+/// the order of triangles and vertices; surface kinds do not depend on which side of a triangle is out. What lies outside the frame
 /// is cut off; triangles that reach a quarter of the frame's side or more beyond it are halved there at snapped points, each of which
-/// may lie another 2^-(bits + 1) voxel off. A triangle without area is the segment or point that it covers.
+/// may lie another 2^-(bits + 1) voxel off. A triangle without area is the segment or point that
+/// it covers; in a solid it is nothing.
 /// throws  Error{malformed}: a vertex is not finite, or a triangle has a vertex that is not there
 ///         Error{limit}: the settings' memory is too little (the message says how much it takes), or a vertex lies more than 2^40 voxels
 ///         outside

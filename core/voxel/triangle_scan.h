@@ -98,6 +98,7 @@ private:
 struct CellSpan {
     int32_t first = std::numeric_limits<int32_t>::max(), last = std::numeric_limits<int32_t>::min();
 
+    bool empty() const { return first > last; }
     void extend(int32_t low, int32_t high) {
         first = std::min(first, low);
         last = std::max(last, high);
@@ -156,6 +157,7 @@ public:
         const bool narrow = fits(low, nu, nv, rows, columns) && fits(high, nu, nv, rows, columns);
         const Quotient step = nv > 0 ? Quotient{-1, nw - nv} : (-nv == nw ? Quotient{1, 0} : Quotient{0, -nv});  // |nv| <= nw
         for (int i = 0; i < rows; ++i) {
+            if (columns_of_row[i].empty()) continue;
             const int j0 = std::max(columns_of_row[i].first - base[sv], 0), j1 = std::min(columns_of_row[i].last - base[sv], columns - 1);
             if (j0 > j1) continue;
             const int32_t row_first = std::max(cells_of_row[i].first, range.first[sw]),
@@ -210,15 +212,15 @@ public:
     void scan_crossings(const GridTriangle& t, int w, int c, int32_t offset, const CellRange& clip, Emit&& emit) {
         const int u = w == 2 ? 0 : 2, v = w == 1 ? 0 : 1;
         const size_t su = size_t(u), sv = size_t(v), sw = size_t(w);
-        const std::array<int64_t, 3> n = normal_of(t);
-        if (n[sw] == 0) return;
         CellRange range;
         for (const size_t a : {su, sv}) {
             const auto [low, high] = std::minmax({t.corners[0][a], t.corners[1][a], t.corners[2][a]});
-            range.first[a] = std::max((low - offset) >> c, clip.first[a]);
+            range.first[a] = std::max(((low - offset - 1) >> c) + 1, clip.first[a]);
             range.last[a] = std::min((high - offset) >> c, clip.last[a]);
             if (range.first[a] > range.last[a]) return;
         }
+        const std::array<int64_t, 3> n = normal_of(t);
+        if (n[sw] == 0) return;
         range.first[sw] = std::min({t.corners[0][sw], t.corners[1][sw], t.corners[2][sw]}) >> c;
         const int rows = range.last[su] - range.first[su] + 1, columns = range.last[sv] - range.first[sv] + 1;
         CellSpan* const columns_of_row = spans(0, rows);
@@ -337,6 +339,7 @@ private:
         const bool narrow = fits(h, nu, nv, rows, columns);
         const Quotient step = columns > 1 ? divide_down(-nv, nw) : Quotient{0, 0};
         for (int i = 0; i < rows; ++i) {
+            if (columns_of_row[i].empty()) continue;
             const int j0 = std::max(columns_of_row[i].first - base[sv], 0), j1 = std::min(columns_of_row[i].last - base[sv], columns - 1);
             if (j0 > j1) continue;
             SteppedQuotient cell(start(h, nu, i, nv, j0, nw, narrow), step, nw);

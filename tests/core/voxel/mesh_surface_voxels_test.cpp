@@ -414,7 +414,7 @@ TEST(MeshSurfaceVoxels, OfGeoreferencedMeshes) {
 }
 
 TEST(MeshSurfaceVoxels, OfNothingAreNone) {
-    for (const VoxelKind kind : {VoxelKind::conservative, VoxelKind::thin}) {
+    for (const VoxelKind kind : {VoxelKind::conservative, VoxelKind::thin, VoxelKind::solid}) {
         EXPECT_TRUE(blocks_of({}, kSmallFrame, {.kind = kind, .threads = 2}).empty());
         TriangleMesh points;
         points.positions = {Vec3d::Zero(), Vec3d::Ones()};
