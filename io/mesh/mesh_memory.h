@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "io/mesh/byte_stream.h"
+#include "io/byte_stream.h"
 
 namespace strata {
 

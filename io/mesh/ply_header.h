@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "io/mesh/byte_stream.h"
+#include "io/byte_stream.h"
 
 namespace strata::ply {
 

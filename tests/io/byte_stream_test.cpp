@@ -1,4 +1,4 @@
-#include "io/mesh/byte_stream.h"
+#include "io/byte_stream.h"
 
 #include <gtest/gtest.h>
 

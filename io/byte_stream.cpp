@@ -1,4 +1,4 @@
-#include "io/mesh/byte_stream.h"
+#include "io/byte_stream.h"
 
 #include <algorithm>
 #include <cstring>
@@ -17,7 +17,7 @@ ByteStream::ByteStream(const ByteSource& source) : source_(source), buffer_(size
 
 // Moves what is left to the front and reads on until the buffer is full; false: the file has no more.
 bool ByteStream::read_more() {
-    std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
+    if (begin_ > 0) std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
     offset_ += begin_;
     end_ -= begin_;
     begin_ = 0;
@@ -42,15 +42,35 @@ void ByteStream::skip(uint64_t count) {
     begin_ = end_ = 0;
 }
 
+void ByteStream::seek(uint64_t position) {
+    if (position > size()) fail_at_byte("byte " + std::to_string(position) + " is beyond the file's " + std::to_string(size()));
+    if (position >= offset_ && position <= offset_ + end_) {
+        begin_ = size_t(position - offset_);
+        return;
+    }
+    offset_ = position;
+    begin_ = end_ = 0;
+}
+
+void ByteStream::read(std::span<std::byte> out) {
+    if (out.size() > left()) fail_at_byte(std::to_string(out.size()) + " bytes needed, " + std::to_string(left()) + " left");
+    while (!out.empty()) {
+        const std::span<const std::byte> piece = take(std::min<size_t>(out.size(), 64 * 1024));
+        std::memcpy(out.data(), piece.data(), piece.size());
+        out = out.subspan(piece.size());
+    }
+}
+
 bool ByteStream::next_line(std::string_view& line, Continued continued) {
     if (line_end_ == 0) {
         read_more();
         const std::string_view head(reinterpret_cast<const char*>(buffer_.data()) + begin_, end_ - begin_);
         const size_t first = head.find_first_of("\r\n");
-        line_end_ = first + 1 < head.size() && head[first] == '\r' && head[first + 1] != '\n' ? '\r' : '\n';
+        line_end_ = first != std::string_view::npos && first + 1 < head.size() && head[first] == '\r' && head[first + 1] != '\n' ? '\r' : '\n';
     }
     line_ = lines_ + 1;
     for (size_t scanned = 0;;) {
+        if (begin_ == end_ && left() == 0) return false;
         char* const text = reinterpret_cast<char*>(buffer_.data()) + begin_;
         const size_t count = end_ - begin_;
         char* const end = static_cast<char*>(std::memchr(text + scanned, line_end_, count - scanned));

@@ -2,9 +2,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <span>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include "io/byte_source.h"
@@ -31,6 +33,18 @@ public:
         begin_ += count;
         return taken;
     }
+    /// Fills `out`. throws Error{malformed} when fewer bytes are left
+    void read(std::span<std::byte> out);
+    /// The next number: an integer, or a float or double of any bits.
+    template <typename T>
+        requires std::is_arithmetic_v<T>
+    T number() {
+        T value;
+        std::memcpy(&value, take(sizeof value).data(), sizeof value);
+        return value;
+    }
+    /// Goes on from another place of the file, or its end.
+    void seek(uint64_t position);
     /// Steps over bytes. throws Error{malformed} when fewer are left
     void skip(uint64_t count);
 
