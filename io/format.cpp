@@ -17,6 +17,7 @@
 #include "io/mesh/mesh_reader.h"
 #include "io/mesh/text_words.h"
 #include "io/potree/potree_cloud.h"
+#include "io/vdb/vdb_file.h"
 
 namespace strata {
 namespace {
@@ -35,6 +36,7 @@ constexpr std::array kFormats = {
     Format{"obj", "Wavefront OBJ, a mesh", ".obj", FormatKind::mesh, false},
     Format{"stl", "STL, a mesh", ".stl", FormatKind::mesh, false},
     Format{"svo", "voxels, a sparse octree of strata", ".svo", FormatKind::voxels, true},
+    Format{"vdb", "OpenVDB, sparse grids: level sets, fog volumes, masks", ".vdb", FormatKind::grids, true},
     Format{"pcd", "Point Cloud Library file", ".pcd", FormatKind::not_readable, false},
     Format{"drc", "Draco, points and the vertices of meshes", ".drc", FormatKind::points, true},
 };
@@ -125,6 +127,7 @@ const Format& identify_bytes(const ByteSource& source) {
     if (head.starts_with("# .PCD") || head.starts_with("VERSION .7") || head.starts_with("VERSION 0.7")) return format_named("pcd");
     if (head.starts_with("DRACO")) return format_named("drc");
     if (head.starts_with("\x89SVO")) return format_named("svo");
+    if (is_vdb(head)) return format_named("vdb");
     if (head.starts_with("pnts")) return format_named("3dtiles");
     if (is_binary_stl(head, source.size()) || looks_like_text_stl(head)) return format_named("stl");
     if (looks_like_obj(head)) return format_named("obj");
@@ -159,7 +162,7 @@ private:
 std::unique_ptr<PointSource> open_points_file(const std::string& path, bool alone, const OpenSettings& settings) {
     const Format& format = identify_format(path);
     if (format.name == "ply") refuse(path, format, "this version reads it as a mesh only; a file of points");
-    if (format.kind == FormatKind::not_readable || format.kind == FormatKind::mesh || format.kind == FormatKind::voxels) refuse(path, format, "a file of points");
+    if (format.kind != FormatKind::points && format.kind != FormatKind::layered) refuse(path, format, "a file of points");
     // A COPC file is a LAZ file, too: whole, it is read as that.
     if (format.name == "potree" || (format.name == "copc" && !settings.nodes.everything()))
         return std::make_unique<PointsOfLayered>(open_layered(path), settings.nodes);

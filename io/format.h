@@ -19,6 +19,7 @@ enum class FormatKind {
     layered,       // a level-of-detail data set: opened with open_layered
     mesh,          // triangles: read with read_mesh of io/mesh
     voxels,        // a sparse voxel octree: opened with open_svo of io/svo
+    grids,         // sparse grids of values: read with read_vdb_voxels of io/vdb
     not_readable,  // recognised, but not readable by this version; opening it says so
 };
 

@@ -6,7 +6,7 @@ packages_strata=(
     g++ cmake ninja-build ccache pkg-config
     libcli11-dev libeigen3-dev libtbb-dev
     libbrotli-dev libpng-dev libdraco-dev nlohmann-json3-dev
-    libproj-dev libgeotiff-dev
+    libproj-dev libgeotiff-dev libblosc-dev libopenvdb-dev
     libepoxy-dev libegl-dev libgl1-mesa-dri
 )
 # Building and running the tests: locales-all because a locale test cannot fail without other locales.

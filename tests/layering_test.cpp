@@ -24,7 +24,7 @@ struct PackageRule {
 
 const std::vector<PackageRule> kPackages = {
     {"CLI/", {"app/options.cpp"}},
-    {"tbb/", {"core/parallel.cpp"}},
+    {"tbb/", {"core/parallel.cpp", "io/vdb/vdb_writer.cpp"}},  // OpenVDB's threads are TBB's
     {"oneapi/", {"core/parallel.cpp"}},
     {"nlohmann/", {"io/", "app/"}},
     {"brotli/", {"io/"}},
@@ -32,6 +32,9 @@ const std::vector<PackageRule> kPackages = {
     {"draco/", {"io/draco/draco_decoder.cpp", "io/draco/draco_encoder.cpp"}},
     {"proj", {"io/crs/"}},
     {"geotiff/", {"io/crs/"}},
+    {"blosc.h", {"io/vdb/vdb_tree.cpp"}},
+    {"openvdb/", {"io/vdb/vdb_writer.cpp"}},
+    {"nanovdb/", {}},  // benchmarks compare with it
     {"flann/", {}},  // tests judge by it
     {"epoxy/", {"render/"}},
     {"EGL/", {"render/gl/"}},

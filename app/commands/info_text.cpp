@@ -203,6 +203,19 @@ void voxel_rows(const ordered_json& report, Block& block) {
     }
 }
 
+// A grid a line, and one for how its voxels lie.
+void grid_rows(const ordered_json& grids, Block& block) {
+    for (const ordered_json& grid : grids) {
+        const std::string name = printable(grid["name"]);
+        std::string line = (name.empty() ? "(no name)" : name) + ": " + printable(grid["type"]) + (grid["half"].get<bool>() ? " (16 bits)" : "");
+        if (grid["class"].is_string()) line += ", " + printable(grid["class"]);
+        line += ", " + (grid["active_voxels"].is_null() ? "?" : with_commas(grid["active_voxels"])) + " active voxels";
+        if (!grid["background"].is_null()) line += ", background " + number_text(grid["background"]);
+        block.row("grids", line);
+        block.row("grids", "    voxels of " + (grid["voxel_size"].is_null() ? "no one size" : range_text(grid["voxel_size"])) + ", " + printable(grid["transform"]));
+    }
+}
+
 }  // namespace
 
 std::string info_text(const std::string& report_json) {
@@ -217,6 +230,7 @@ std::string info_text(const std::string& report_json) {
     vector_row(report, "scale", block);
     vector_row(report, "offset", block);
     if (!text_of(report, "crs").empty()) block.row("crs", crs_text(report));
+    if (report.contains("grids")) grid_rows(report["grids"], block);
     layer_rows(report, block);
     voxel_rows(report, block);
     if (report.contains("rgb_bits") && report["rgb_bits"] != 0) block.row("rgb", std::to_string(report["rgb_bits"].get<int>()) + " of 16 bits used");

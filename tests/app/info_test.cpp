@@ -4,6 +4,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "io/vdb/vdb_writer.h"
 #include "tests/support/las_file.h"
 #include "tests/support/run_program.h"
 #include "tests/support/temporary_folder.h"
@@ -176,6 +177,33 @@ TEST_F(InfoCommand, MeshesHaveVerticesAndTriangles) {
     EXPECT_EQ(obj["attributes"][1]["name"], "color");
     EXPECT_EQ(obj["notes"], json({"1 vertices without a finite position are left out, and 1 triangles that use them"}));
     EXPECT_EQ(obj["faces"], 2);
+}
+
+TEST_F(InfoCommand, GridsOfVdbFilesAreListed) {
+    if (!has_openvdb()) GTEST_SKIP() << "this build has no OpenVDB to write a file with";
+    const std::string path = folder_.file("a.vdb");
+    VdbWriter writer(path, false, {.origin = {10, 20, 30}, .voxel_size = 0.5, .levels = 2}, {.half = true});
+    VoxelBatch batch;
+    batch.blocks = {{0, 1, 0}, {3, 1, 0}};  // voxels (0, 0, 0) and (0, 4, 4)
+    writer.add(batch);
+    writer.commit();
+    const json report = json::parse(run_strata({"info", "--json", path}).out);
+    EXPECT_EQ(report["format"], "vdb");
+    EXPECT_EQ(report["bounds"], json::parse(R"({"min": [10.25, 20.25, 30.25], "max": [10.25, 22.25, 32.25]})"));
+    ASSERT_EQ(report["grids"].size(), 1u);
+    const json& grid = report["grids"][0];
+    EXPECT_EQ(grid["name"], "occupancy");
+    EXPECT_EQ(grid["type"], "float");
+    EXPECT_EQ(grid["half"], true);
+    EXPECT_EQ(grid["class"], "fog volume");
+    EXPECT_EQ(grid["background"], 0.0);
+    EXPECT_EQ(grid["active_voxels"], 2);
+    EXPECT_EQ(grid["voxel_size"], json({0.5, 0.5, 0.5}));
+    EXPECT_EQ(grid["index_max"], json({0, 4, 4}));
+    const std::string text = run_strata({"info", path}).out;
+    for (const char* const part : {"  format        OpenVDB 10.0, file version 224\n", "  grids         occupancy: float (16 bits), fog volume, 2 active voxels, background 0\n",
+                                   "    voxels of 0.5 0.5 0.5, UniformScaleTranslateMap\n"})
+        EXPECT_NE(text.find(part), std::string::npos) << part << text;
 }
 
 // Names are data: they can neither break the JSON nor steer a terminal.

@@ -73,7 +73,7 @@ TEST(BrickVoxels, BricksAndCubesLandWhereTheirPointsAre) {
     add_cube_to(places, 32, 0, -32, 16);
     EXPECT_EQ(voxels.voxels(), places.size());
     const VoxelFrame frame = voxels.finish(Vec3d::Zero(), 0.5);
-    EXPECT_EQ(frame.levels, 4);  // 80 voxels along z
+    EXPECT_EQ(frame.levels, 3);  // 64 voxels along y and z
     EXPECT_EQ(frame.origin, Vec3d(-16.5, -16.5, -32.5) * 0.5);
     expect_places(tree_of(voxels, frame), places, -34, 50);
 }
