@@ -117,6 +117,23 @@ TEST(Bench, AccuracyOfAmbientOcclusionOfTheScene) {
     EXPECT_NE(text_of(folder.file("out/accuracy.md")).find("(accuracy_ssao_error.svg)"), std::string::npos);
 }
 
+// More cones, and more rays, come nearer to the truth; one cone does better than its mean.
+TEST(Bench, AccuracyOfCones) {
+    const TemporaryFolder folder;
+    const ProgramResult result = run_strata(small({"accuracy", "--only", "cones/sphere/0.2/", "-o", folder.file("out")}));
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const auto rows = rows_of(folder.file("out/accuracy_cones.csv"));
+    ASSERT_EQ(rows.size(), 11u);
+    const auto rms = [&](const char* method) { return std::stod(rows.at(std::string("cones/sphere/0.2/") + method).at("rms")); };
+    for (const char* sampling : {"nearest", "linear"}) {
+        const std::string name = sampling;
+        EXPECT_LT(rms((name + "1").c_str()), rms("mean0"));
+        EXPECT_LT(rms((name + "16").c_str()), 0.7 * rms((name + "1").c_str()));
+    }
+    EXPECT_LT(rms("rays16"), 0.5 * rms("rays1"));
+    EXPECT_LT(rms("rays64"), 0.05);
+}
+
 // On flat surfaces angles are what 2 sigma / (r sqrt k) says, to a few tens of percent: neighbors do not fill a disc evenly, and k, not k - 3,
 // is counted. Rounding alone is far below noise of 2 cm.
 TEST(Bench, AccuracyOfNormals) {
