@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/voxel/ray_cast.h"
 
 namespace strata {
 namespace {
@@ -32,7 +33,11 @@ void clip(const Vec3d& origin, const Vec3d& direction, const Vec3d& low, const V
 
 }  // namespace
 
-ConeQuery::ConeQuery(const VoxelTree& tree, const ConeSettings& settings) : tree_(tree), settings_(settings), way_(tree.levels.size()) {
+ConeQuery::ConeQuery(const VoxelTree& tree, const ConeSettings& settings)
+    : tree_(tree),
+      settings_(settings),
+      way_(tree.levels.size()),
+      opaque_voxels_(tree.attributes.empty() || tree.attributes[size_t(tree.depth())].opacities.empty()) {
     for (int depth = 1; depth < tree.depth(); ++depth)
         if (!tree.levels[size_t(depth - 1) / 2].masks.empty() &&
             (tree.attributes.empty() || tree.attributes[size_t(depth)].opacities.empty()))
@@ -81,8 +86,7 @@ ConeQuery::CellOpacity ConeQuery::cell(int depth, const std::array<int64_t, 3>& 
     const uint64_t mask = tree_.levels[size_t(level)].masks[step.index];
     const int bit = odd ? int(8 * octant_code(cell[0] & 1, cell[1] & 1, cell[2] & 1)) : mask_bit(cell[0], cell[1], cell[2]);
     if ((mask >> bit & (odd ? 0xff : 1)) == 0) return kEmpty;
-    // Where nothing is said of the finest cells, they are opaque.
-    if (depth == tree_.depth() && (tree_.attributes.empty() || tree_.attributes[size_t(depth)].opacities.empty())) return kFull;
+    if (depth == tree_.depth() && opaque_voxels_) return kFull;
     return tree_.attributes[size_t(depth)].opacities[cell_index(tree_, level, step.index, bit, odd)];
 }
 
@@ -174,6 +178,12 @@ double ConeQuery::opacity_of_one(const VoxelCone& cone, const Vec3d& direction) 
     const double around = std::min(std::max(2.0 * cone.tangent * farthest, least_width), side);
     double from = std::max(cone.from, 0.0), to = cone.to;
     clip(axis.origin, direction, Vec3d::Constant(-around), Vec3d::Constant(side + around), from, to);
+    // Where the cone is narrower than a voxel, one ray says all.
+    if (opaque_voxels_) {
+        const double end = std::min(0.5 * least_width / cone.tangent, to);
+        if (from < end && is_occluded(tree_, {axis.origin, direction}, {.least_t = from, .most_t = end})) return 1.0;
+        from = std::max(from, end);
+    }
     double depth = 0.0;
     while (from < to) {
         const Cells cells = cells_of(std::max(2.0 * cone.tangent * from, least_width));

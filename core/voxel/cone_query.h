@@ -27,13 +27,13 @@ struct ConeSettings {
 };
 
 /// How much of a cone is hidden, estimated by a walk along its axis over cells of the tree that are as wide as the cone. Where the
-/// width lies between those of two depths, both are looked at. Rests on the opacities of cells along axes, which make a wall
-/// opaque from the front and thin from the side; voxels are opaque unless the tree says something else of them, as a medium's may.
-/// Keeps the way down the tree from one sample to the next; one per thread.
-/// Things one behind the other hide as much as if they lay at random: two that each hide half of the cone leave a quarter of it, where
-/// the truth is anything from nothing to a half. So the cells along one surface seen aslant hide too much, and the rims of things are wide.
-/// This error is the method's own; docs/accuracy.md says how large it is, and what more cones gain.
-/// source  C. Crassin et al., "Interactive Indirect Illumination Using Voxel Cone Tracing", Pacific Graphics 2011
+/// width lies between those of two depths, both are looked at; where it is less than a voxel, a ray. Rests on the opacities of cells along
+/// axes, which make a wall opaque from the front and thin from the side; voxels are opaque unless the tree says something else of them, as
+/// a medium's may. Keeps the way down the tree from one sample to the next; one per thread. Things one behind the other hide as much as if
+/// they lay at random: two that each hide half of the cone leave a quarter of it, where the truth is anything from nothing to a half. So
+/// the cells along one surface seen aslant hide too much, and the rims of things are wide. This error is the method's own; docs/accuracy.md
+/// says how large it is, and what more cones gain. source  C. Crassin et al., "Interactive Indirect Illumination Using Voxel Cone Tracing",
+/// Pacific Graphics 2011
 class ConeQuery {
 public:
     /// throws  Error{usage}: the tree has no opacities
@@ -77,6 +77,7 @@ private:
     const VoxelTree& tree_;
     ConeSettings settings_;
     std::vector<Step> way_;  // [levels]
+    bool opaque_voxels_;     // nothing is said of the finest cells
 };
 
 }  // namespace strata
