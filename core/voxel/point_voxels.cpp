@@ -20,8 +20,9 @@
 namespace strata {
 namespace {
 
-constexpr size_t kRunPoints = kMostRecordPoints;  // that are sorted, and those of a voxel made one, before they are stored
-constexpr uint64_t kDenseVoxels = 4096;           // a bucket of so few is summed up in place
+constexpr size_t kRunPoints = 65536;     // that are sorted, and those of a voxel
+                                         // made one, before they are stored
+constexpr uint64_t kDenseVoxels = 4096;  // a bucket of so few is summed up in place
 
 // Which attributes of the source are read: indices, -1: not asked for.
 struct WantedAttributes {
@@ -46,7 +47,8 @@ struct WantedAttributes {
     }
 };
 
-// Memory, shared out. Beside it each thread has a batch of points and a run of records.
+// Memory, shared out. Beside it each thread has a batch of points and a run of
+// records.
 struct Budget {
     uint64_t blocks;  // bytes of all records
     uint64_t bucket;  // bytes for sorting a bucket, each thread
@@ -67,7 +69,8 @@ struct Budget {
     }
 };
 
-// Codes that part what the sample holds into buckets of like size. Blocks of 4^3 voxels stay whole.
+// Codes that part what the sample holds into buckets of like size. Blocks of
+// 4^3 voxels stay whole.
 std::vector<uint64_t> choose_first_codes(std::vector<uint64_t>& sample, uint64_t first_code, size_t buckets) {
     std::vector<uint64_t> first_codes = {first_code};
     std::sort(sample.begin(), sample.end());
@@ -115,22 +118,36 @@ uint64_t count_voxels(const VoxelBatch& batch) {
     return voxels;
 }
 
-// Makes records of sorted words; those of one voxel become one. record_at(index of a word)
+// Makes records of those that sorted words stand for; those of one voxel become
+// one or two. record_at  of the index in a word
 template <RecordForm form, typename RecordAt>
 void merge_records(std::span<const uint64_t> words, uint64_t index_mask, const RecordAt& record_at, std::vector<VoxelRecord<form>>& out) {
-    out.resize(words.size());
-    VoxelRecord<form>* last = nullptr;
-    VoxelRecord<form>* next = out.data();
-    for (const uint64_t word : words) {
+    out.clear();
+    if (words.empty()) return;
+    out.reserve(words.size());
+    VoxelRecord<form> first = record_at(size_t(words[0] & index_mask));
+    VoxelSums sums;
+    bool several = false;
+    const auto put = [&] {
+        if (several) append_records<form>(first.code(), sums, out);
+        else out.push_back(first);
+        several = false;
+    };
+    for (const uint64_t word : words.subspan(1)) {
         const VoxelRecord<form> record = record_at(size_t(word & index_mask));
-        if (last && last->code() == record.code() && last->has_room_for(record)) {
-            last->add(record);
-        } else {
-            *next = record;
-            last = next++;
+        if (record.code() != first.code()) {
+            put();
+            first = record;
+            continue;
         }
+        if (!several) {
+            sums = {};
+            sums.add(first);
+            several = true;
+        }
+        sums.add(record);
     }
-    out.resize(size_t(next - out.data()));
+    put();
 }
 
 // The first pass, one thread's part.
@@ -160,15 +177,13 @@ private:
         const bool all = inside == size;
         if (!all) drop_outside();
         std::copy_n(codes_.data(), inside, sort_.codes(inside).data());
-        if constexpr (!form.has_count()) {
-            merge_records<form>(
-                sort_.sort(), ~uint64_t{0},
-                [](size_t code) {
-                    VoxelRecord<form> record;
-                    record.set_code(code);
-                    return record;
-                },
-                records_);
+        if constexpr (!form.has_sums()) {
+            const auto record_of = [](size_t code) {
+                VoxelRecord<form> record;
+                record.set_key(code, 0);
+                return record;
+            };
+            merge_records<form>(sort_.sort(), ~uint64_t{0}, record_of, records_);
         } else {
             if constexpr (form.normal) find_normals(batch, begin, size);
             const auto record_at = [&](size_t i) { return point_record(batch, begin, codes_[i], all ? i : rows_[i]); };
@@ -192,14 +207,16 @@ private:
     VoxelRecord<form> point_record(const PointBatch& batch, size_t begin, uint64_t code, size_t row) const {
         using Record = VoxelRecord<form>;
         Record record;
-        record.set_code(code);
-        record.words[Record::kCount] = 1;
+        record.set_key(code, kPacked);
         if constexpr (form.color) {
             const uint16_t* const rgb = batch.column<uint16_t>(size_t(wanted_.rgb)).data() + 3 * (begin + row);
-            for (size_t i = 0; i < 3; ++i) record.words[Record::kColor + i] = rgb[i];
+            record.words[Record::kColor] = uint64_t{rgb[0]} << 4 | uint64_t{rgb[1]} << 24 | uint64_t{rgb[2]} << 44;
         }
-        if constexpr (form.normal)
-            for (size_t i = 0; i < 3; ++i) record.words[Record::kNormal + i] = uint32_t(normals_[3 * row + i]);
+        if constexpr (form.normal) {
+            record.words[Record::kNormal] = 0;
+            for (size_t i = 0; i < 3; ++i)
+                record.words[Record::kNormal] |= (uint64_t(int64_t{normals_[3 * row + i]}) & kPackedBits) << (4 + 20 * i);
+        }
         return record;
     }
 
@@ -268,29 +285,29 @@ public:
         for (size_t begin = 0, block = 0; begin < n; begin += block_records, ++block) {
             const std::byte* from = blocks[block];
             for (size_t i = 0; i < std::min(block_records, n - begin); ++i, from += sizeof(Record)) {
-                uint64_t code;
-                std::memcpy(&code, from, sizeof code);
-                *codes++ = code;
+                uint64_t key;
+                std::memcpy(&key, from, sizeof key);
+                *codes++ = form.has_sums() ? code_of_key(key) : key;
             }
         }
         VoxelWriter writer(attributes_, rgb_bits_, batch);
         writer.reserve(n);
-        if constexpr (!form.has_count()) {
-            for (const uint64_t code : sort_.sort()) writer.add_code(code);
-        } else {
-            VoxelSums sums;
-            uint64_t voxel = kNoVoxel;
-            for (const uint64_t word : sort_.order([&](size_t i) { return record_at(i).code(); })) {
-                const Record record = record_at(size_t(word & sort_.index_mask()));
-                if (record.code() != voxel) {
-                    if (voxel != kNoVoxel) writer.add<form>(voxel, sums);
-                    voxel = record.code();
-                    sums = {};
-                }
-                sums.add(record);
+        VoxelSums sums;
+        uint64_t voxel = kNoVoxel;
+        const auto add = [&](const Record& record) {
+            if (record.code() != voxel) {
+                if (voxel != kNoVoxel) writer.add<form>(voxel, sums);
+                voxel = record.code();
+                sums = {};
             }
-            if (voxel != kNoVoxel) writer.add<form>(voxel, sums);
-        }
+            sums.add(record);
+        };
+        if constexpr (form.has_sums())
+            for (const uint64_t word : sort_.order([&](size_t i) { return record_at(i).code(); }))
+                add(record_at(size_t(word & sort_.index_mask())));
+        else
+            for (const uint64_t key : sort_.sort()) add(Record{{key}});
+        if (voxel != kNoVoxel) writer.add<form>(voxel, sums);
         buckets.release(bucket);
     }
 
@@ -353,16 +370,17 @@ private:
             if (sums[i].count > 0) writer.add<form>(first_code + i, sums[i]);
     }
 
-    // Parts of like size by what some blocks hold, and by the range itself, so that parts of parts come to an end.
+    // Parts of like size by what some blocks hold, and by the range itself, so
+    // that parts of parts come to an end.
     std::vector<uint64_t> part_codes(const RecordBuckets& buckets, size_t bucket, uint64_t end_code) const {
         constexpr size_t kSampledBlocks = 64, kMostParts = 64, kParts = 8;
         const uint64_t first_code = buckets.first_code(bucket), bytes = buckets.records(bucket) * sizeof(Record);
         std::vector<uint64_t> sample;
         buckets.visit_some(bucket, kSampledBlocks, [&](std::span<const std::byte> block) {
             for (size_t at = 0; at < block.size(); at += 16 * sizeof(Record)) {
-                uint64_t code;
-                std::memcpy(&code, block.data() + at, sizeof code);
-                sample.push_back(code);
+                uint64_t key;
+                std::memcpy(&key, block.data() + at, sizeof key);
+                sample.push_back(code_of_key(key));
             }
         });
         std::vector<uint64_t> codes =

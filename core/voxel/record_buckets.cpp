@@ -4,6 +4,8 @@
 #include <bit>
 #include <utility>
 
+#include "core/voxel/voxel_record.h"
+
 namespace strata {
 
 uint64_t ScratchBlocks::write(std::span<const std::byte> bytes) {
@@ -28,14 +30,15 @@ void RecordBuckets::add(std::span<const std::byte> records) {
     const std::byte* const data = records.data();
     const size_t n = records.size() / record_size_;
     const auto code_at = [&](size_t i) {
-        uint64_t code;
-        std::memcpy(&code, data + i * record_size_, sizeof code);
-        return code;
+        uint64_t key;
+        std::memcpy(&key, data + i * record_size_, sizeof key);
+        return code_of_key(key);
     };
     for (size_t begin = 0; begin < n;) {
         const size_t bucket = size_t(std::upper_bound(first_codes_.begin(), first_codes_.end(), code_at(begin)) - first_codes_.begin()) - 1;
         size_t end = n;
-        if (bucket + 1 < size()) {  // the first code that is not in the bucket: in steps that double, then halve
+        if (bucket + 1 < size()) {  // the first code that is not in the bucket: in
+                                    // steps that double, then halve
             const uint64_t next = first_codes_[bucket + 1];
             size_t step = 1, below = begin;
             while (below + step < n && code_at(below + step) < next) {

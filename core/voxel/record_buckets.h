@@ -32,11 +32,13 @@ private:
     std::atomic<uint64_t> end_ = 0;
 };
 
-/// Records, sorted into buckets by ranges of their code, the first 8 bytes. Each bucket fills blocks of the pool; when the pool
+/// Records, sorted into buckets by ranges of the code in their key, the first 8
+/// bytes (voxel_record.h). Each bucket fills blocks of the pool; when the pool
 /// has no more to give, full ones go to the scratch store.
 class RecordBuckets {
 public:
-    /// first_codes  ascending, different, [0] is 0: bucket i holds codes from [i] to below [i + 1]
+    /// first_codes  ascending, different, [0] is 0: bucket i holds codes from [i]
+    /// to below [i + 1]
     RecordBuckets(std::vector<uint64_t> first_codes, size_t record_size, BlockPool& pool, ScratchBlocks& scratch);
     ~RecordBuckets();
 
@@ -48,10 +50,12 @@ public:
     /// Adds records in ascending order. Thread-safe.
     void add(std::span<const std::byte> records);
 
-    /// What add has put into a bucket, as blocks of block_records() records; the last may be shorter. Blocks from the scratch store
-    /// are read into `buffer`. Valid until release.
+    /// What add has put into a bucket, as blocks of block_records() records; the
+    /// last may be shorter. Blocks from the scratch store are read into `buffer`.
+    /// Valid until release.
     std::vector<const std::byte*> load(size_t bucket, std::vector<std::byte>& buffer) const;
-    /// Calls visit with up to that many full blocks, evenly chosen, and with the last.
+    /// Calls visit with up to that many full blocks, evenly chosen, and with the
+    /// last.
     void visit_some(size_t bucket, size_t most_blocks, const std::function<void(std::span<const std::byte> records)>& visit) const;
     /// Calls visit with one block after the other, and gives each back.
     void take(size_t bucket, const std::function<void(std::span<const std::byte> records)>& visit);

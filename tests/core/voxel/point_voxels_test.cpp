@@ -121,7 +121,8 @@ void expect_equal(const Voxels& a, const Voxels& b) {
     EXPECT_EQ(a.report.voxels, b.report.voxels);
 }
 
-// The plain way: a map of voxels. For coordinates where doubles are exact (scale and voxel size powers of two).
+// The plain way: a map of voxels. For coordinates where doubles are exact
+// (scale and voxel size powers of two).
 Voxels twin(const ColoredSource& source, const VoxelFrame& frame, int rgb_bits) {
     struct Sums {
         uint64_t count = 0;
@@ -163,7 +164,8 @@ Voxels twin(const ColoredSource& source, const VoxelFrame& frame, int rgb_bits) 
     return result;
 }
 
-// Blobs of different density, so that voxels hold one point or thousands; some points lie outside of the frame below.
+// Blobs of different density, so that voxels hold one point or thousands; some
+// points lie outside of the frame below.
 ColoredSource random_cloud(size_t points, uint32_t seed, uint16_t most_channel = 65535) {
     std::mt19937 random(seed);
     std::normal_distribution<double> normal;
@@ -206,7 +208,8 @@ TEST(PointVoxels, ColorsOfEightBits) {
     expect_equal(voxelize(source, frame_of_random_cloud(), with(kAll)), twin(source, frame_of_random_cloud(), 8));
 }
 
-// Every choice of attributes gives its columns, the same ones as all together, and no others.
+// Every choice of attributes gives its columns, the same ones as all together,
+// and no others.
 TEST(PointVoxels, OnlyWhatIsAskedFor) {
     const ColoredSource source = random_cloud(20'000, 5);
     const Voxels all = voxelize(source, frame_of_random_cloud(), with(kAll));
@@ -240,7 +243,8 @@ TEST(PointVoxels, NeitherThreadsNorMemoryShow) {
     }
 }
 
-// More equal points than a record may stand for, and than a bucket has room for.
+// More equal points than a record may stand for, and than a bucket has room
+// for.
 TEST(PointVoxels, EqualPoints) {
     std::vector<ColoredSource::Point> points(1'000'000, {.quanta = {7, 8, 9}, .rgb = {100, 65535, 300}, .normal = {0, 0, -2}});
     points.push_back({.quanta = {0, 0, 0}});
@@ -256,12 +260,13 @@ TEST(PointVoxels, EqualPoints) {
         EXPECT_EQ(found.all.counts, (std::vector<uint32_t>{1, 1'000'000}));
         EXPECT_EQ(found.all.colors[1], (VoxelColor{0, 255, 1}));
         EXPECT_EQ(found.all.normals, (std::vector<VoxelNormal>{{0, 0, 0}, {0, 0, -127}}));
-        // Each run became one record of its own.
+        // Each run became two records of its own.
         EXPECT_LT(found.report.scratch_bytes, 10'000u);
     }
 }
 
-// Two voxels in turn, far apart, so that no bucket but one of 4^3 voxels can be small: the sums are made in place.
+// Two voxels in turn, far apart, so that no bucket but one of 4^3 voxels can be
+// small: the sums are made in place.
 TEST(PointVoxels, OneDenseBlockBeyondMemory) {
     std::vector<ColoredSource::Point> points;
     std::mt19937 random(8);
@@ -271,7 +276,8 @@ TEST(PointVoxels, OneDenseBlockBeyondMemory) {
             {.quanta = far ? Vec3i(1'000'000, 1'000'000, 1'000'000) : Vec3i(int(random() % 4), int(random() % 4), int(random() % 4)),
              .rgb = {uint16_t(random()), uint16_t(random()), uint16_t(random())}});
     }
-    const ColoredSource source(std::move(points), {.scale = Vec3d::Ones()}, 40);  // batches so small that hardly any points become one
+    const ColoredSource source(std::move(points), {.scale = Vec3d::Ones()},
+                               40);  // batches so small that hardly any points become one
     MemoryScratch store;
     PointVoxelSettings settings = with({.count = true, .color = true}, 3);
     settings.memory_bytes = 0;
@@ -282,8 +288,9 @@ TEST(PointVoxels, OneDenseBlockBeyondMemory) {
     expect_equal(found, voxelize(source, {.levels = 10}, with({.count = true, .color = true}, 1)));
 }
 
-// Millimeter points and voxels of 0.1 m far from the origin: a point whose decimals lie on a face is in the voxel above, whatever doubles
-// make of 0.1 * k. Integers say where each lies.
+// Millimeter points and voxels of 0.1 m far from the origin: a point whose
+// decimals lie on a face is in the voxel above, whatever doubles make of 0.1 *
+// k. Integers say where each lies.
 TEST(PointVoxels, PointsOnFacesGoUp) {
     for (const double offset : {0.0, 500'000.0, 5'300'000.0, 6'378'137.0, -6'378'137.0})
         for (const int voxel_mm : {1, 3, 10, 100, 300, 700}) {
@@ -324,7 +331,8 @@ TEST(PointVoxels, EveryInstructionSetFindsTheSameVoxels) {
     }
 }
 
-// The greatest points of a cloud lie in the last voxel where the frame has room for them, and outside where it has not.
+// The greatest points of a cloud lie in the last voxel where the frame has room
+// for them, and outside where it has not.
 TEST(PointVoxels, TheFarFaceOfTheFrame) {
     const ColoredSource source({{.quanta = {0, 0, 0}}, {.quanta = {15, 15, 15}}, {.quanta = {16, 0, 0}}}, {.scale = Vec3d::Ones()});
     const Voxels exact = voxelize(source, {.levels = 2}, with({.count = true}));
@@ -342,7 +350,8 @@ TEST(PointVoxels, SourceWithoutPoints) {
     EXPECT_TRUE(found.all.blocks.empty());
 }
 
-// Headers lie; only what they say of the number of points is looked at, to share memory out.
+// Headers lie; only what they say of the number of points is looked at, to
+// share memory out.
 TEST(PointVoxels, WhatTheHeaderSaysDoesNotShow) {
     ColoredSource source = random_cloud(50'000, 10);
     const Voxels expected = voxelize(source, frame_of_random_cloud(), with(kAll));
@@ -367,7 +376,8 @@ TEST(PointVoxels, AttributesThatAreMissingAreNamed) {
     EXPECT_THROW(voxelize(source, frame_of_random_cloud(), with({.normal = true})), Error);
 }
 
-// Only directions count; what has none is left out, and so is what is no number.
+// Only directions count; what has none is left out, and so is what is no
+// number.
 TEST(PointVoxels, NormalsOfAnyLength) {
     const float infinity = std::numeric_limits<float>::infinity(), nan = std::nanf("");
     std::vector<ColoredSource::Point> points;
@@ -405,17 +415,49 @@ TEST(PointVoxels, FailuresOfSinkAndSourceEndAll) {
     }
 }
 
-// Sums of many points: counts stop at the greatest number, means go on.
+// What records stand for is what was put into them, whatever the numbers and
+// however many records they take.
+template <RecordForm form>
+void expect_sums_come_back(VoxelSums sums, size_t most_records) {
+    std::vector<VoxelRecord<form>> records;
+    append_records<form>(123456789, sums, records);
+    EXPECT_LE(records.size(), most_records);
+    std::reverse(records.begin(), records.end());
+    VoxelSums found;
+    for (const VoxelRecord<form>& record : records) {
+        EXPECT_EQ(record.code(), 123456789u);
+        found.add(record);
+    }
+    if (!form.color) sums.color = {};
+    if (!form.normal) sums.normal = {};
+    EXPECT_EQ(found.count, sums.count);
+    EXPECT_EQ(found.color, sums.color);
+    EXPECT_EQ(found.normal, sums.normal);
+}
+
+TEST(VoxelRecord, SumsComeBack) {
+    const auto expect_all = [](const VoxelSums& sums, size_t most_records) {
+        expect_sums_come_back<RecordForm{.color = true}>(sums, most_records);
+        expect_sums_come_back<RecordForm{.normal = true}>(sums, most_records);
+        expect_sums_come_back<RecordForm{.count = true, .color = true, .normal = true}>(sums, most_records);
+    };
+    for (const uint64_t count : {1u, 2u, 15u, 16u}) {
+        expect_all({count, {count * 65535, 0, count}, {int64_t(count) * -32767, int64_t(count) * 32767, -1}}, 1);
+        expect_all({count, {0, count * 65535, count * 65535}, {0, 0, int64_t(count) * -32767}}, 1);
+    }
+    expect_all({17, {17 * 65535, 17, 5}, {17 * 32767, 3, -17 * 32767}}, 2);
+    expect_all({65536, {uint64_t{65536} * 65535, 65536, 0}, {-65536 * int64_t{32767}, 65536 * int64_t{32767}, -1}}, 2);
+    expect_all({uint64_t{5} << 32, {uint64_t{9} << 32, 1, uint64_t{3} << 31}, {-(int64_t{1} << 33), int64_t{1} << 33, 7}}, 30);
+    expect_all({0, {0, 5, 6}, {0, 7, -8}}, 2);  // the second of two wide records
+    for (const uint64_t count : {1u, 2u, 3u, 255u, 65535u, 65536u, 1000000u})
+        expect_sums_come_back<RecordForm{.count = true}>({count, {}, {}}, std::min<size_t>(count, 48));
+}
+
 TEST(VoxelSums, CountsSaturateAndMeansGoOn) {
-    using Record = VoxelRecord<RecordForm{.count = true, .color = true, .normal = true}>;
-    Record record = {};
-    record.words[Record::kCount] = kMostRecordPoints;
-    for (size_t i = 0; i < 3; ++i) record.words[Record::kColor + i] = kMostRecordPoints * uint32_t(65535 - 256 * i);
-    for (size_t i = 0; i < 3; ++i) record.words[Record::kNormal + i] = uint32_t(int32_t(kMostRecordPoints) * (i == 0 ? -32767 : 0));
-    VoxelSums sums;
-    for (int i = 0; i < 65537; ++i) sums.add(record);
-    EXPECT_EQ(sums.count, (uint64_t{1} << 32) + 65536);
+    const uint64_t count = (uint64_t{1} << 32) + 65536;
+    const VoxelSums sums = {count, {count * 65535, count * (65535 - 256), count * (65535 - 512)}, {-int64_t(count) * 32767, 0, 0}};
     EXPECT_EQ(saturated_count(sums.count), UINT32_MAX);
+    EXPECT_EQ(saturated_count(7), 7u);
     EXPECT_EQ(mean_color(sums, 16), (VoxelColor{255, 254, 253}));
     EXPECT_EQ(mean_normal(sums), (VoxelNormal{-127, 0, 0}));
 }
