@@ -12,6 +12,7 @@ namespace {
 
 constexpr size_t kSamplePoints = 50'000;
 constexpr size_t kSampleNodes = 4096;
+constexpr size_t kSampleCells = 20'000;
 constexpr double kViewMargin = 0.03;  // of the picture, at each side
 constexpr double kStrayShare = 1e-3;  // of the points may be strays at each end of an axis
 
@@ -61,6 +62,22 @@ std::vector<Vec3d> sample_positions(LayeredCloud& cloud) {
             points.push_back(quantization.world_from_quanta({batch.x[i], batch.y[i], batch.z[i]}));
     }
     drop_strays(points);
+    return points;
+}
+
+std::vector<Vec3d> sample_positions(const Scene& scene) {
+    std::vector<Vec3d> points;
+    if (scene.cloud != nullptr) points = sample_positions(*scene.cloud);
+    for (const VoxelModel& model : scene.voxels) {
+        const CellList sample = coarse_cells(*model.tree, kSampleCells);
+        for (const auto& cell : sample.cells) {
+            const Box3d box = cell_box(model.tree->frame, sample.depth, cell);
+            for (int corner = 0; corner < 8; ++corner) {
+                const Vec3d p((corner & 1 ? box.max : box.min).x(), (corner & 2 ? box.max : box.min).y(), (corner & 4 ? box.max : box.min).z());
+                points.push_back(p.cwiseMax(model.bounds.min).cwiseMin(model.bounds.max));  // coarse cells reach beyond
+            }
+        }
+    }
     return points;
 }
 

@@ -7,6 +7,7 @@
 
 #include "core/math/camera.h"
 #include "core/octree/layered_cloud.h"
+#include "render/scene.h"
 
 namespace strata {
 
@@ -14,6 +15,9 @@ namespace strata {
 /// others, such as birds and stray echoes, are left out, so that they do not decide what a picture shows.
 /// returns  empty for a cloud without points
 std::vector<Vec3d> sample_positions(LayeredCloud& cloud);
+
+/// Those of a scene's cloud, and corners of cells that hold the voxels.
+std::vector<Vec3d> sample_positions(const Scene& scene);
 
 /// The camera of `--view`: iso, top, front, back, left or right, framed around the points. front looks north.
 /// throws  Error{usage}, naming the views there are

@@ -15,6 +15,7 @@
 #include "render/pass/fill_pass.h"
 #include "render/pass/points_kernel.h"
 #include "render/pass/ssao_pass.h"
+#include "render/pass/voxels_pass.h"
 #include "render/sample_sums.h"
 #include "render/stream/node_loader.h"
 #include "render/stream/point_cut.h"
@@ -120,9 +121,11 @@ uint32_t choose_strip_rows(const RenderSettings& settings) {
 }
 
 // How far the screen-space passes look beyond the rows they shade.
-int edl_reach_px(const RenderSettings& settings) {
+int edl_reach_px(const Scene& scene, const RenderSettings& settings) {
     if (!(settings.edl.strength > 0.0f)) return 0;
-    const int splat = settings.edl.follow_splats ? std::min(int(settings.splat.widest_px() + 0.5f), 255) : 0;
+    const bool smooth = std::any_of(scene.voxels.begin(), scene.voxels.end(), [](const VoxelModel& model) { return model.shading == VoxelShading::smooth; });
+    const int widest = smooth ? 255 : scene.cloud != nullptr ? std::min(int(settings.splat.widest_px() + 0.5f), 255) : 1;
+    const int splat = settings.edl.follow_splats ? widest : 0;
     return std::max(settings.edl.reach_px(settings.height, EdlSettings::kScales - 1), splat);
 }
 
@@ -332,12 +335,25 @@ void Renderer::draw_points(Frame& frame, const LayeredCloud& cloud, const Chosen
     watch.lap("resolve");
 }
 
+void Renderer::draw_voxels(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out) {
+    const RenderSettings& settings = frame.settings;
+    const VoxelView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.selection.error_px, settings.clips, settings.threads};
+    VoxelsDrawn drawn;
+    for (size_t i = 0; i < scene.voxels.size(); ++i) drawn.add(strata::draw_voxels(scene.voxels[i], uint32_t(i) + 1, view, out));
+    frame.report.voxel_depth = std::max(frame.report.voxel_depth, drawn.finest_depth);
+    if (drawn.error_px <= frame.report.error_px) return;
+    frame.report.error_px = drawn.error_px;
+    frame.report.bound_by = drawn.short_of_memory ? BoundBy::memory : BoundBy::error;
+}
+
 RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, const RenderSettings& settings,
                                     const std::function<void(const RenderedRows&)>& on_rows) {
     if (settings.width == 0 || settings.height == 0 || settings.width > kLargestSide || settings.height > kLargestSide)
         throw Error(ErrorKind::usage, "a picture's sides are from 1 to " + std::to_string(kLargestSide) + " pixels");
     if (settings.samples < 1 || settings.samples > kMostSamples)
         throw Error(ErrorKind::usage, "1 to " + std::to_string(kMostSamples) + " samples are possible");
+    if (scene.voxels.size() >= kMostDrawables)
+        throw Error(ErrorKind::usage, "at most " + std::to_string(kMostDrawables - 1) + " voxel models are possible in one picture");
     check_camera(camera);
     RenderReport report;
     Stopwatch watch(report);
@@ -352,11 +368,12 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
     if (gl_) watch.lap("gl start");
 
     const uint32_t strip_rows = choose_strip_rows(settings);
-    const int edl_reach = edl_reach_px(settings), fill_reach = scene.cloud != nullptr ? settings.fill.reach_px() : 0, ssao_reach = settings.ssao.reach_px();
+    const int edl_reach = edl_reach_px(scene, settings), fill_reach = scene.cloud != nullptr ? settings.fill.reach_px() : 0, ssao_reach = settings.ssao.reach_px();
     // Each pass needs the finished rows that the next one looks at.
     const int reach = fill_reach + ssao_reach + edl_reach;
     const uint64_t strip_pixels = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach));
-    const uint64_t used_bytes = strip_pixels * pixel_bytes(settings) + (gpu != nullptr && gl_->software ? gpu_bytes + strip_pixels * gpu_pixel_bytes(settings.splat) : 0);
+    uint64_t used_bytes = strip_pixels * pixel_bytes(settings) + (gpu != nullptr && gl_->software ? gpu_bytes + strip_pixels * gpu_pixel_bytes(settings.splat) : 0);
+    for (const VoxelModel& model : scene.voxels) used_bytes += size_bytes(*model.tree);
     ChosenPoints chosen;
     if (scene.cloud != nullptr) chosen = choose_points(frame, *scene.cloud, used_bytes);
 
@@ -390,6 +407,11 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
                 else
                     fill_holes(gbuffer, settings.fill, camera, settings.height, settings.threads);
                 watch.lap("fill");
+            }
+            // Voxels have no gaps to fill, and must not close those of points.
+            if (!scene.voxels.empty()) {
+                draw_voxels(frame, scene, strip, gbuffer);
+                watch.lap("voxels");
             }
             if (ssao_reach > 0) {
                 if (gl_passes != nullptr)

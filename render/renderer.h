@@ -62,7 +62,8 @@ struct RenderReport {
     uint64_t points_drawn = 0;
     uint64_t nodes_drawn = 0;
     uint64_t nodes_missing = 0;  // that are still to come: the next frame of this view is better
-    double error_px = 0.0;  // what the picture is off by, from selection
+    int voxel_depth = 0;         // of the finest cells drawn; 0: no voxels were
+    double error_px = 0.0;  // what the picture is off by: from selection, or how large cells look that are coarser than voxels
     BoundBy bound_by = BoundBy::error;
     Rasterizer rasterizer = Rasterizer::cpu;  // what drew the points: never automatic
     uint64_t uploaded_bytes = 0;  // of points, to the GPU's memory
@@ -104,6 +105,7 @@ private:
     PointsGlPass* gpu_rasterizer(const RenderSettings& settings);
     ChosenPoints choose_points(Frame& frame, LayeredCloud& cloud, uint64_t used_bytes);
     void draw_points(Frame& frame, const LayeredCloud& cloud, const ChosenPoints& chosen, const Strip& strip, GBuffer& out);
+    void draw_voxels(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out);
 
     std::unique_ptr<Buffers> buffers_;
     std::unique_ptr<Gl> gl_;  // none: not started, or of no use. On software GL only for the rasterizer that was asked for

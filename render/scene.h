@@ -1,22 +1,31 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "core/math/box.h"
 #include "core/octree/layered_cloud.h"
+#include "render/voxel_model.h"
 
 namespace strata {
 
-/// The opaque things that a picture shows, by their numbers in pixel ids: the cloud is 0. They fill one G-buffer; what is
-/// nearer wins, and of what is equally near the lower number. A scene owns nothing: what it names must outlive the frame.
+/// The opaque things that a picture shows, by their numbers in pixel ids: the cloud is 0, voxels are 1 and on, in their order.
+/// They fill one G-buffer; what is nearer wins, and of what is equally near the lower number. A scene owns neither cloud nor trees: they
+/// must outlive the frame.
 struct Scene {
     LayeredCloud* cloud = nullptr;  // none: no points
+    std::vector<VoxelModel> voxels;
+    // Meshes will follow here, with the numbers behind those of voxels.
 
     Scene() = default;
     Scene(LayeredCloud& only) : cloud(&only) {}  // a cloud is a scene
 
-    /// World; as the headers state it, so it may be too large. Empty for an empty scene.
-    Box3d bounds() const { return cloud != nullptr ? cloud->info().bounds : Box3d(); }
+    /// World; the cloud's as its header states it, so it may be too large. Empty for an empty scene.
+    Box3d bounds() const {
+        Box3d box = cloud != nullptr ? cloud->info().bounds : Box3d();
+        for (const VoxelModel& model : voxels) box.extend(model.bounds);
+        return box;
+    }
 };
 
 }  // namespace strata

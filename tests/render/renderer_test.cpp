@@ -11,6 +11,7 @@
 #include "render/named_view.h"
 #include "render/srgb.h"
 #include "tests/support/test_cloud.h"
+#include "tests/support/voxel_cube.h"
 
 namespace strata {
 namespace {
@@ -426,6 +427,47 @@ TEST(Renderer, AnEmptySceneIsBackground) {
     });
     EXPECT_EQ(colors, std::vector<Rgba8>(320 * 200, settings.background));
     EXPECT_EQ(ids, std::vector<PixelId>(320 * 200, kNoPixelId));
+}
+
+// Points and voxels hide each other by depth, whatever strips and threads: a floor of points at height 5 beside a step of voxels at 4 and 6,
+// which at 5 itself belongs to the points.
+TEST(Renderer, PointsAndVoxelsMeet) {
+    std::vector<Vec3i> quanta;
+    for (int x = 0; x < 64; ++x)
+        for (int y = 0; y < 64; ++y) quanta.emplace_back(x * 250 + 125, y * 250 + 125, 5000);
+    TestCloud cloud = single_node_cloud(quanta, {.scale = Vec3d::Constant(0.001), .offset = Vec3d::Zero()}, 0.25);
+    const VoxelTree tree = tree_of(cube_where(2, [](uint32_t x, uint32_t, uint32_t z) { return z < (x < 5 ? 4u : x < 10 ? 6u : 5u); }));
+    Scene scene = cloud;
+    scene.voxels.emplace_back(tree, VoxelColors(tree, "", std::nullopt, {}));
+    EXPECT_EQ(scene.bounds().max.z(), 6.0);
+    RenderSettings settings = settings_of(cloud);
+    settings.width = settings.height = 64;
+    settings.edl.strength = 0.0f;
+    settings.splat = {.shape = SplatShape::square, .fixed_px = 1.0f};
+    settings.with_ids = true;
+    Camera camera;
+    camera.projection = Projection::orthographic;
+    camera.height = 16;
+    camera.eye = {8, 8, 20};
+    camera.near_depth = 1;
+    camera.far_depth = 33;
+    for (const uint32_t rows : {0u, 5u}) {
+        settings.tile_rows = rows;
+        std::vector<PixelId> ids;
+        std::vector<float> depths;
+        const RenderReport report = Renderer().render_frame(scene, camera, settings, [&](const RenderedRows& strip) {
+            ids.insert(ids.end(), strip.ids.begin(), strip.ids.end());
+            depths.insert(depths.end(), strip.depths.begin(), strip.depths.end());
+        });
+        EXPECT_EQ(report.voxel_depth, 4);
+        EXPECT_EQ(report.points_drawn, 4096u);
+        for (uint32_t y = 0; y < 64; ++y)
+            for (uint32_t x = 0; x < 64; ++x) {
+                const bool voxel = x >= 20 && x < 40;
+                ASSERT_EQ(drawable_of(ids[64 * y + x]), voxel ? 1u : 0u) << x << ' ' << y;
+                ASSERT_EQ(depths[64 * y + x], voxel ? 14.0f : 15.0f);
+            }
+    }
 }
 
 // Each part of an id comes back as it was, and none that is made is the one that stands for nothing.

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+#include <utility>
+
+#include "core/voxel/voxel_bounds.h"
+#include "render/voxel_colors.h"
+
+namespace strata {
+
+/// flat: cubes. smooth: cubes lit as the surface that they stand for.
+enum class VoxelShading { flat, smooth };
+
+/// Voxels as a scene has them. The tree must outlive it.
+struct VoxelModel {
+    VoxelModel(const VoxelTree& drawn, VoxelColors painted, VoxelShading lit = VoxelShading::flat)
+        : tree(&drawn), bounds(occupied_bounds(drawn)), colors(std::move(painted)), shading(lit) {}
+
+    const VoxelTree* tree;
+    Box3d bounds;  // of what is occupied; world
+    VoxelColors colors;
+    VoxelShading shading;
+};
+
+/// Bytes of memory that a tree takes.
+uint64_t size_bytes(const VoxelTree& tree);
+
+}  // namespace strata
