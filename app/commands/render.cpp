@@ -8,12 +8,10 @@
 
 #include "app/commands/commands.h"
 #include "app/commands/render_options.h"
+#include "app/commands/scene_files.h"
 #include "app/commands/spared_inputs.h"
 #include "app/quantity_text.h"
-#include "core/cloud/preview_source.h"
 #include "core/error.h"
-#include "core/octree/memory_cloud.h"
-#include "io/format.h"
 #include "io/output_file.h"
 #include "io/pfm/pfm_writer.h"
 #include "io/png/png_writer.h"
@@ -22,37 +20,6 @@
 
 namespace strata {
 namespace {
-
-// Takes a few points of each file before they become one cloud, so that no more are read. An eighth of the memory is theirs:
-// making their levels takes several times as much.
-WrapSource preview_of(const Options& options, size_t files) {
-    constexpr uint64_t kMostPoints = 2'000'000;
-    const uint64_t points = std::max<uint64_t>(kMostPoints / files, 1), bytes = memory_cap(options) / 8 / files;
-    return [points, bytes, threads = thread_count(options)](std::unique_ptr<PointSource> source) {
-        uint64_t point_bytes = 3 * sizeof(int32_t);
-        for (const Attribute& attribute : source->info().attributes) point_bytes += attribute.size_bytes();
-        return std::make_unique<PreviewSource>(*source, std::clamp<uint64_t>(bytes / point_bytes, 1, points), threads);
-    };
-}
-
-std::unique_ptr<LayeredCloud> open_cloud(const Options& options) {
-    const std::vector<std::string> paths = point_files(options.positional);
-    if (paths.size() == 1 && identify_format(paths[0]).kind == FormatKind::layered) return open_layered(paths[0]);
-    const std::unique_ptr<PointSource> source = open_points(paths, {.wrap = options.given("--preview") ? preview_of(options, paths.size()) : WrapSource()});
-    for (const std::string& note : source->info().notes)
-        if (paths.size() > 1 && !options.given("--quiet")) std::fprintf(stderr, "note: %s\n", note.c_str());
-    BuildSettings settings;
-    settings.threads = thread_count(options);
-    settings.memory_bytes = memory_cap(options);
-    try {
-        return build_memory_cloud(*source, settings);
-    } catch (const Error& error) {
-        if (error.kind != ErrorKind::limit) throw;
-        throw Error(ErrorKind::limit, paths[0] + (paths.size() > 1 ? " and the others" : "") + ": " + with_commas(source->info().points) +
-                                          " points and their levels of detail do not fit under --memory " + size_text(settings.memory_bytes) +
-                                          "; `strata convert` takes any size");
-    }
-}
 
 std::string_view bound_name(BoundBy bound) {
     switch (bound) {
@@ -83,6 +50,7 @@ nlohmann::ordered_json stats_json(const RenderRequest& request, const RenderRepo
     const RenderSettings& settings = request.settings;
     nlohmann::ordered_json stats = {{"points_drawn", report.points_drawn},
                                     {"nodes_drawn", report.nodes_drawn},
+                                    {"voxel_depth", report.voxel_depth},
                                     {"error_px", report.error_px},
                                     {"bound_by", bound_name(report.bound_by)},
                                     {"rasterizer", report.rasterizer == Rasterizer::gpu ? "gpu" : "cpu"},
@@ -92,7 +60,7 @@ nlohmann::ordered_json stats_json(const RenderRequest& request, const RenderRepo
                                     {"frame_ms", report.frame_ms},
                                     {"pass_ms", nlohmann::ordered_json::object()},
                                     {"size", {settings.width, settings.height}},
-                                    {"color", settings.color.name},
+                                    {"color", request.color_name},
                                     {"camera", camera_json(request.camera)}};
     for (const auto& [name, ms] : report.pass_ms) stats["pass_ms"][name] = ms;
     return stats;
@@ -148,6 +116,16 @@ std::vector<std::string> files_read(const Options& options) {
     return files;
 }
 
+// "N of M points "; "voxels down to depth D of E "
+std::string what_was_drawn(const SceneFiles& files, const RenderReport& report) {
+    std::string text;
+    if (files.cloud) text += with_commas(report.points_drawn) + " of " + with_commas(files.cloud->info().points) + " points ";
+    if (files.voxels.empty()) return text;
+    int finest = 0;
+    for (const OpenedVoxels& model : files.voxels) finest = std::max(finest, model.tree->frame.depth());
+    return text + (files.cloud ? "and " : "") + "voxels down to depth " + std::to_string(report.voxel_depth) + " of " + std::to_string(finest) + " ";
+}
+
 int run(const Options& options) {
     check_render_options(options);
     // Before any work: an output in the way would make it vain.
@@ -156,8 +134,8 @@ int run(const Options& options) {
         check_output_path(options.text(flag), options.given("--overwrite"));
         check_inputs_spared(options.text(flag), files_read(options));
     }
-    const std::unique_ptr<LayeredCloud> cloud = open_cloud(options);
-    const RenderRequest request = make_render_request(options, *cloud);
+    const SceneFiles files = open_scene_files(options);
+    const RenderRequest request = make_render_request(options, files);
     const RenderSettings& settings = request.settings;
 
     PngWriter::Options png_options;
@@ -173,12 +151,12 @@ int run(const Options& options) {
         picture = Image(settings.width, settings.height);
     }
     const std::optional<PictureGeoreference> place =
-        cloud->info().crs.empty() ? std::nullopt : georeference(request.camera, settings);
+        files.crs().empty() ? std::nullopt : georeference(request.camera, settings);
     const std::string place_path = world_file_path(request.output);
     check_output_path(place_path, request.overwrite);
 
     Renderer renderer;
-    const RenderReport report = renderer.render_frame(*cloud, request.camera, settings, [&](const RenderedRows& rows) {
+    const RenderReport report = renderer.render_frame(request.scene, request.camera, settings, [&](const RenderedRows& rows) {
         png.write_rows(rows.colors);
         if (depth) depth->write_rows(rows.first_row, rows.depths);
         if (!request.reference.empty())
@@ -187,8 +165,10 @@ int run(const Options& options) {
     if (report.failures.count > 0)
         throw Error(ErrorKind::malformed, std::to_string(report.failures.count) + " nodes cannot be read, so there is no picture; first: " +
                                               report.failures.first);
-    if (report.points_drawn == 0 && cloud->info().points > 0 && !request.quiet)
-        std::fprintf(stderr, "note: %s: nothing is in sight: the view, --clip or --filter leave no point\n", request.output.c_str());
+    const bool empty = (!files.cloud || files.cloud->info().points == 0) &&
+                       std::all_of(files.voxels.begin(), files.voxels.end(), [](const OpenedVoxels& model) { return model.tree->empty(); });
+    if (report.points_drawn == 0 && report.voxel_depth == 0 && !empty && !request.quiet)
+        std::fprintf(stderr, "note: %s: nothing is in sight: the view, --clip or --filter leave nothing\n", request.output.c_str());
     write_place(place_path, place, request.overwrite);
     if (depth) depth->finish();
     png.finish();
@@ -202,8 +182,8 @@ int run(const Options& options) {
     if (request.stats)
         std::printf("%s\n", stats.dump(2).c_str());
     else if (!request.quiet)
-        std::fprintf(stderr, "%s: %u x %u, %s of %s points in %.2f s, error %.2f px%s\n", request.output.c_str(), settings.width,
-                     settings.height, with_commas(report.points_drawn).c_str(), with_commas(cloud->info().points).c_str(), 1e-3 * report.frame_ms, report.error_px,
+        std::fprintf(stderr, "%s: %u x %u, %sin %.2f s, error %.2f px%s\n", request.output.c_str(), settings.width, settings.height,
+                     what_was_drawn(files, report).c_str(), 1e-3 * report.frame_ms, report.error_px,
                      report.bound_by == BoundBy::error ? "" : (" (" + std::string(bound_name(report.bound_by)) + " reached)").c_str());
     if (!difference || difference->worst_tile <= request.threshold) return 0;
     const std::string difference_file = difference_path(request.output);

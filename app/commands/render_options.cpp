@@ -22,7 +22,7 @@ namespace {
 constexpr OptionRow kRows[] = {
     {"--output", "-o", "FILE.png", "", "the picture; a world file (.pgw) comes beside it for georeferenced --ortho top views"},
     {"--size", "-s", "WIDTHxHEIGHT", "1920x1080", "pixels, each side at most 16384"},
-    {"--view", "-v", "NAME", "iso", "iso, top, front, back, left or right, framed around the cloud; front looks north"},
+    {"--view", "-v", "NAME", "iso", "iso, top, front, back, left or right, framed around what is drawn; front looks north"},
     {"--eye", "", "X,Y,Z", "", "free camera: where it stands, CRS units"},
     {"--target", "", "X,Y,Z", "", "what it looks at; default: the cloud's center"},
     {"--up", "", "X,Y,Z", "", "what is upwards in the picture; default: 0,0,1, and north for views straight down"},
@@ -30,16 +30,17 @@ constexpr OptionRow kRows[] = {
     {"--camera", "", "FILE.json", "", "the camera of a file, {\"eye\": [x,y,z], \"target\": ..., \"up\": ..., \"fov\": degrees} or with ortho_height; --stats prints one"},
     {"--ortho", "", "", "", "parallel projection: equal lengths look equal at any distance"},
     {"--meters-per-pixel", "", "UNITS", "", "CRS units a pixel, for --ortho; sets the size too unless --size is given"},
-    {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, normal, density, or an attribute; default: rgb, else elevation"},
+    {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, normal, density, or an attribute; default: rgb, else elevation. Of voxels rgb, elevation, count, normal, lod or plain; default: rgb, else plain"},
     {"--colormap", "", "NAME", "", "color map for quantities"},
     {"--range", "", "LOW,HIGH", "", "values that the color map reaches over; default: 2nd to 98th percentile"},
     {"--preview", "", "", "", "of LAS and LAZ files, the first of each run of points only, 2 million at most: a first look at any size"},
+    {"--voxels", "", "flat|smooth", "flat", "how voxels are drawn: as cubes, or lit and with the depth of the surface that they stand for"},
     {"--splat", "", "KIND", "paraboloid", "how a point is drawn: square, disc, paraboloid (they meet where they overlap on a surface), gaussian (paraboloids whose colors are averaged: smooth) or surfel (a disc across the point's normal, of 'convert --normals')"},
     {"--point-size", "", "adaptive|PIXELS", "adaptive", "diameter of a point; adaptive: from the spacing of the points, so that surfaces close"},
     {"--min-point-size", "", "PIXELS", "1", "least diameter of adaptive sizes"},
     {"--max-point-size", "", "PIXELS", "255", "largest diameter of adaptive sizes, at most 256"},
     {"--rasterizer", "", "auto|cpu|gpu", "auto", "what draws the points; both draw the same picture. gpu: a compute shader, also of software OpenGL; auto: gpu where there is one"},
-    {"--error", "", "PIXELS", "1", "detail: points left out lie this near to drawn ones"},
+    {"--error", "", "PIXELS", "1", "detail: points left out lie this near to drawn ones, and cells of voxels that look no larger are drawn whole"},
     {"--budget", "", "POINTS", "20000000", "most points to draw; the root is always drawn"},
     {"--clip", "", "BOX[;BOX...]", "", "draw only what is in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units, faces included; a number left out is open. Views are framed around the boxes"},
     {"--clip-out", "", "BOX[;BOX...]", "", "draw nothing that is in a box"},
@@ -218,13 +219,13 @@ std::vector<Vec3d> kept_corners(std::span<const ClipBox> clips, const Box3d& bou
     return corners;
 }
 
-Camera free_camera(const Options& options, const LayeredCloud& cloud, std::span<const Vec3d> points) {
+Camera free_camera(const Options& options, const Box3d& bounds, std::span<const Vec3d> points) {
     Camera camera;
     camera.projection = options.given("--ortho") ? Projection::orthographic : Projection::perspective;
     camera.fov_rad = parse_fov(options);
     Box3d box;
     for (const Vec3d& p : points) box.extend(p);
-    if (box.empty()) box = cloud.info().bounds;
+    if (box.empty()) box = bounds;
     camera.eye = vector_of(options, "--eye");
     const Vec3d target = options.given("--target") ? vector_of(options, "--target") : box.center();
     const Vec3d forward = target - camera.eye;
@@ -276,6 +277,48 @@ Camera camera_of(const CameraSpec& spec) {
     return camera;
 }
 
+VoxelShading parse_voxels(const Options& options) {
+    const std::string name = options.text("--voxels");
+    if (name == "flat") return VoxelShading::flat;
+    if (name == "smooth") return VoxelShading::smooth;
+    refuse("--voxels", "flat or smooth", name);
+}
+
+// Colors of the cloud and of the voxels, by one name where one is given: what does not have it shows what it does by default, but
+// something must have it.
+void choose_colors(const Options& options, const SceneFiles& files, RenderRequest& request) {
+    RenderSettings& settings = request.settings;
+    const std::string name = options.text("--color");
+    std::optional<Error> refused;
+    bool taken = name.empty();
+    if (files.cloud) {
+        try {
+            settings.color = find_color_channel(files.cloud->info(), name.empty() ? sensible_color(*files.cloud) : name);
+            taken = true;
+        } catch (const Error& error) {
+            refused = error;
+            settings.color = find_color_channel(files.cloud->info(), sensible_color(*files.cloud));
+        }
+        // Of one scene, equal heights have one color.
+        if (settings.color.rule == ColorChannel::Rule::elevation && !settings.range && !files.voxels.empty())
+            settings.range = derive_range(*files.cloud, settings.color);
+    }
+    const VoxelShading shading = parse_voxels(options);
+    for (const OpenedVoxels& model : files.voxels) {
+        std::optional<VoxelColors> colors;
+        try {
+            colors.emplace(*model.tree, name, settings.range, settings.colormap);
+            taken = true;
+        } catch (const Error& error) {
+            if (!refused) refused = files.voxels.size() > 1 ? error.within(model.path) : error;
+            colors.emplace(*model.tree, "", settings.range, settings.colormap);
+        }
+        request.scene.voxels.emplace_back(*model.tree, std::move(*colors), shading);
+    }
+    if (!taken && refused) throw *refused;
+    request.color_name = files.cloud ? settings.color.name : request.scene.voxels.empty() ? "" : request.scene.voxels[0].colors.name();
+}
+
 // The picture is a PNG whatever it is called; a name that says otherwise misleads whoever opens it.
 bool is_png_name(const std::string& path) {
     std::string ending = std::filesystem::path(path).extension().string();
@@ -300,6 +343,7 @@ void check_render_options(const Options& options) {
     parse_edl(options.text("--edl"));
     parse_splat(options);
     parse_rasterizer(options);
+    parse_voxels(options);
     parse_fov(options);
     if (options.given("--colormap")) Colormap(options.text("--colormap"));  // refuses names that it does not know
     if (options.given("--range")) options.numbers("--range", 2);
@@ -323,8 +367,9 @@ void check_render_options(const Options& options) {
     memory_cap(options);
 }
 
-RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
+RenderRequest make_render_request(const Options& options, const SceneFiles& files) {
     RenderRequest request;
+    request.scene.cloud = files.cloud.get();
     RenderSettings& settings = request.settings;
     request.output = options.text("--output");
     request.depth_output = options.text("--depth");
@@ -345,44 +390,46 @@ RenderRequest make_render_request(const Options& options, LayeredCloud& cloud) {
     settings.tile_rows = uint32_t(options.integer("--tile", 0, kLargestSide));
     settings.threads = thread_count(options);
     settings.memory_bytes = memory_cap(options);
-    settings.color = find_color_channel(cloud.info(), options.given("--color") ? options.text("--color") : sensible_color(cloud));
     settings.colormap = options.text("--colormap");
     if (options.given("--range")) {
         const std::vector<double> range = options.numbers("--range", 2);
         settings.range = ColorRange{range[0], range[1]};
     }
+    choose_colors(options, files, request);
 
     settings.samples = uint32_t(options.integer("--samples", 1, kMostSamples));
     settings.time_budget_ms = options.number("--time-budget");
     settings.clips = parse_clips(options);
     if (options.given("--filter")) {
+        if (!files.cloud) throw Error(ErrorKind::usage, "--filter: it chooses among points, and there are none");
         try {
-            settings.filter = PointFilter(cloud.info(), parse_filter("--filter", options.text("--filter")));
+            settings.filter = PointFilter(files.cloud->info(), parse_filter("--filter", options.text("--filter")));
         } catch (const Error& error) {
             throw error.within("--filter");
         }
     }
 
-    std::vector<Vec3d> points = kept_corners(settings.clips, cloud.info().bounds);
+    const Box3d bounds = request.scene.bounds();
+    std::vector<Vec3d> points = kept_corners(settings.clips, bounds);
     const bool whole = points.empty();
-    if (whole) points = sample_positions(cloud);
+    if (whole) points = sample_positions(request.scene);
     if (options.given("--ssao"))
         settings.ssao.radius = float(parse_ssao(options) > 0.0 ? parse_ssao(options) : sensible_ssao_radius(points));
     const double aspect = double(settings.width) / settings.height;
     if (options.given("--camera")) {
         request.camera = camera_of(read_camera_file(options.text("--camera")));
     } else if (options.given("--eye")) {
-        request.camera = free_camera(options, cloud, points);
+        request.camera = free_camera(options, bounds, points);
     } else {
         const Projection projection = options.given("--ortho") ? Projection::orthographic : Projection::perspective;
         request.camera = named_view(options.text("--view"), projection, parse_fov(options), points, aspect);
     }
     if (options.given("--meters-per-pixel")) {
         const double units_per_pixel = parse_units_per_pixel(options);
-        if (!options.given("--size")) fit_size(request.camera, whole ? cloud.info().bounds : Box3d(), points, units_per_pixel, settings);
+        if (!options.given("--size")) fit_size(request.camera, whole ? bounds : Box3d(), points, units_per_pixel, settings);
         request.camera.height = units_per_pixel * settings.height;
     }
-    fit_depth_range(request.camera, cloud.info().bounds);
+    fit_depth_range(request.camera, bounds);
     check_camera(request.camera);
     return request;
 }

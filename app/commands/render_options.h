@@ -5,17 +5,19 @@
 #include <utility>
 #include <vector>
 
+#include "app/commands/scene_files.h"
 #include "app/options.h"
 #include "core/math/camera.h"
-#include "core/octree/layered_cloud.h"
 #include "render/renderer.h"
 
 namespace strata {
 
 /// What `strata render` was asked for, beyond what a frame is.
 struct RenderRequest {
+    Scene scene;  // of the files, which must outlive it
     RenderSettings settings;
     Camera camera;
+    std::string color_name;  // of the cloud or, without one, of the first voxels
     std::string output, depth_output, reference;
     double threshold = 0.0;
     bool overwrite = false;
@@ -31,8 +33,8 @@ std::pair<uint32_t, uint32_t> parse_size(const std::string& text);
 /// Checks everything that needs no cloud, so that a wrong command line costs no reading.
 void check_render_options(const Options& options);
 
-/// Turns the options into a request for this cloud: views, colors and sizes that were left open are chosen from it.
+/// Turns the options into a request for these files: views, colors and sizes that were left open are chosen from them.
 /// throws  Error{usage}
-RenderRequest make_render_request(const Options& options, LayeredCloud& cloud);
+RenderRequest make_render_request(const Options& options, const SceneFiles& files);
 
 }  // namespace strata

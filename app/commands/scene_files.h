@@ -1,0 +1,33 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "app/options.h"
+#include "core/octree/layered_cloud.h"
+#include "core/voxel/voxel_tree.h"
+
+namespace strata {
+
+/// A voxel file, or the first grid of an OpenVDB file, in memory.
+struct OpenedVoxels {
+    std::string path, crs;
+    std::unique_ptr<VoxelTree> tree;
+};
+
+/// What the words of `strata render` hold: files of points or a level-of-detail set make one cloud, each voxel file is a model.
+struct SceneFiles {
+    std::unique_ptr<LayeredCloud> cloud;  // none: no word is one of points
+    std::vector<OpenedVoxels> voxels;
+
+    /// As the files say, the cloud first; empty: unknown.
+    std::string crs() const;
+};
+
+/// Opens files and folders by what they are. Of voxel files (.svo) that do not fit in half of --memory the finest levels stay
+/// out; a grid must fit.
+/// throws  Error, naming the file
+SceneFiles open_scene_files(const Options& options);
+
+}  // namespace strata
