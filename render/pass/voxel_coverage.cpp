@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 
 namespace strata {
@@ -16,10 +17,10 @@ constexpr std::array<std::array<uint64_t, 4>, 3> kSlices = [] {
     }
     return slices;
 }();
-constexpr std::array<std::array<uint8_t, 3>, 64> kCellOfBit = [] {
-    std::array<std::array<uint8_t, 3>, 64> cells{};
+constexpr std::array<std::array<float, 3>, 64> kCellOfBit = [] {
+    std::array<std::array<float, 3>, 64> cells{};
     for (uint64_t bit = 0; bit < 64; ++bit)
-        for (size_t axis = 0; axis < 3; ++axis) cells[bit][axis] = uint8_t(coordinates_of_code(bit)[axis]);
+        for (size_t axis = 0; axis < 3; ++axis) cells[bit][axis] = float(coordinates_of_code(bit)[axis]);
     return cells;
 }();
 
@@ -63,28 +64,38 @@ uint64_t CellBlocks::mask(int depth, const std::array<int64_t, 3>& block) {
 }
 
 Vec3f rise_over_cells(CellBlocks& blocks, int depth, const Vec3d& p, double radius) {
+    constexpr size_t kMostBlocks = 4;  // along an axis, that a radius of up to 6 reaches
+    assert(radius <= 6.0);
     const float inverse_square = float(1.0 / (radius * radius));
-    std::array<int64_t, 3> first, last;
+    // Along each axis: the first block that is reached, how many are, and of each the bits of the cells that may be near and how far off the nearest is.
+    std::array<int64_t, 3> first_block;
+    std::array<size_t, 3> count;
+    std::array<std::array<uint64_t, kMostBlocks>, 3> slices;
+    std::array<std::array<float, kMostBlocks>, 3> place, square;
     for (size_t axis = 0; axis < 3; ++axis) {
-        first[axis] = int64_t(std::floor(p[int(axis)] - radius + 0.5));
-        last[axis] = int64_t(std::ceil(p[int(axis)] + radius - 0.5)) - 1;
+        const double at = p[int(axis)];
+        const auto first = int64_t(std::floor(at - radius + 0.5)), last = int64_t(std::ceil(at + radius - 0.5)) - 1;
+        first_block[axis] = first >> 2;
+        count[axis] = size_t((last >> 2) - (first >> 2) + 1);
+        for (size_t i = 0; i < count[axis]; ++i) {
+            const int64_t cell = 4 * (first_block[axis] + int64_t(i));
+            const int64_t low = std::max<int64_t>(first - cell, 0), high = std::min<int64_t>(last - cell, 3);
+            slices[axis][i] = 0;
+            for (int64_t k = low; k <= high; ++k) slices[axis][i] |= kSlices[axis][size_t(k)];
+            place[axis][i] = float(at - double(cell) - 0.5);
+            const float off = std::max({float(low) - place[axis][i], place[axis][i] - float(high), 0.0f});
+            square[axis][i] = off * off * inverse_square;
+        }
     }
-    // Bits of the blocks that are crossed along an axis.
-    const auto slices = [&](size_t axis, int64_t block) {
-        uint64_t bits = 0;
-        for (int64_t i = std::max<int64_t>(first[axis] - 4 * block, 0); i <= std::min<int64_t>(last[axis] - 4 * block, 3); ++i)
-            bits |= kSlices[axis][size_t(i)];
-        return bits;
-    };
     float sum = 0.0f, sum_x = 0.0f, sum_y = 0.0f, sum_z = 0.0f;
-    for (int64_t bx = first[0] >> 2; bx <= last[0] >> 2; ++bx)
-        for (int64_t by = first[1] >> 2; by <= last[1] >> 2; ++by)
-            for (int64_t bz = first[2] >> 2; bz <= last[2] >> 2; ++bz) {
-                uint64_t left = blocks.mask(depth, {bx, by, bz}) & slices(0, bx) & slices(1, by) & slices(2, bz);
-                const float x = float(p.x() - 4.0 * double(bx) - 0.5), y = float(p.y() - 4.0 * double(by) - 0.5), z = float(p.z() - 4.0 * double(bz) - 0.5);
+    for (size_t i = 0; i < count[0]; ++i)
+        for (size_t j = 0; j < count[1]; ++j)
+            for (size_t k = 0; k < count[2]; ++k) {
+                if (square[0][i] + square[1][j] + square[2][k] >= 1.0f) continue;
+                uint64_t left = blocks.mask(depth, {first_block[0] + int64_t(i), first_block[1] + int64_t(j), first_block[2] + int64_t(k)}) & slices[0][i] & slices[1][j] & slices[2][k];
                 for (; left != 0; left &= left - 1) {
-                    const auto& cell = kCellOfBit[size_t(std::countr_zero(left))];
-                    const float dx = x - float(cell[0]), dy = y - float(cell[1]), dz = z - float(cell[2]);
+                    const std::array<float, 3>& cell = kCellOfBit[size_t(std::countr_zero(left))];
+                    const float dx = place[0][i] - cell[0], dy = place[1][j] - cell[1], dz = place[2][k] - cell[2];
                     const float weight = std::max(1.0f - (dx * dx + dy * dy + dz * dz) * inverse_square, 0.0f);
                     sum += weight, sum_x += weight * dx, sum_y += weight * dy, sum_z += weight * dz;
                 }

@@ -20,6 +20,8 @@ constexpr double kWholeLined = 16.0;    // where they show in full
 
 constexpr double kSurfaceRadius = 4.0;  // cells around that decide a smooth surface, and
 constexpr double kDistantRadius = 2.5;  // the light of flat cells too small to be seen as cubes: those that look
+// It is asked so many radii before the ray's hit, as layers of voxels have holes of one, in which its middle would lie all around.
+constexpr double kStandBack = 0.25;
 constexpr double kLeastCube = 2.0;      // so many pixels large or less; larger ones get ever more of their faces' light, and
 constexpr double kWholeCube = 4.0;      // at this size all of it. Faces by themselves would show as rings where pixels meet them in turn
 constexpr double kDistantRelief = 2.0;  // cells that their steps, which are none of the surface, reach
@@ -112,10 +114,15 @@ void VoxelTileKernel::cast(const TileRect& rect, const GBuffer& out) {
         }
 }
 
+// What rise_over_cells says some way before a hit.
+Vec3f VoxelTileKernel::rise_before(const VoxelRay& ray, const VoxelHit& hit, double radius) {
+    const double side = double(uint32_t{1} << (in_.model.tree->frame.depth() - hit.depth));
+    return rise_over_cells(blocks_, hit.depth, (ray.origin + hit.t * ray.direction) / side - kStandBack * radius * ray.direction.normalized(), radius);
+}
+
 VoxelTileKernel::Smooth VoxelTileKernel::smooth_at(const VoxelRay& ray, const VoxelHit& hit, CellFace face) {
     const double side = double(uint32_t{1} << (in_.model.tree->frame.depth() - hit.depth));
-    const Vec3f rise = rise_over_cells(blocks_, hit.depth, (ray.origin + hit.t * ray.direction) / side, kSurfaceRadius);
-    const Vec3f direction = ray.direction.cast<float>();  // of length 1 / voxel size
+    const Vec3f rise = rise_before(ray, hit, kSurfaceRadius), direction = ray.direction.normalized().cast<float>();
     Vec3f normal = stored_normal(*in_.model.tree, hit);
     if (normal.isZero()) normal = rise;
     if (normal.isZero()) return {face_normal(face), hit.t};
@@ -123,15 +130,12 @@ VoxelTileKernel::Smooth VoxelTileKernel::smooth_at(const VoxelRay& ray, const Vo
     if (normal.dot(direction) > 0.0f) normal = -normal;
     normal.normalize();
     // It lies half a cell over the middle of its cells, so that flat ground is as high as its voxels.
-    const double step = direction.norm() / side, fall = -normal.dot(direction) / side;  // cells for a unit of t
-    const double above = normal.dot(rise) - 0.5;
-    const double most = kMostSmoothed / step;
-    return {normal, hit.t + std::clamp(above / std::max(fall, 1e-6 * step), -most, most)};
+    const double fall = -normal.dot(direction), above = normal.dot(rise) - 0.5 - kStandBack * kSurfaceRadius * fall;  // cells
+    return {normal, hit.t + std::clamp(above / std::max(fall, 1e-6), -kMostSmoothed, kMostSmoothed) * side / ray.direction.norm()};
 }
 
 float VoxelTileKernel::distant_light(const VoxelRay& ray, const VoxelHit& hit, const Vec3f& face_up) {
-    const double side = double(uint32_t{1} << (in_.model.tree->frame.depth() - hit.depth));
-    const Vec3f rise = rise_over_cells(blocks_, hit.depth, (ray.origin + hit.t * ray.direction) / side, kDistantRadius);
+    const Vec3f rise = rise_before(ray, hit, kDistantRadius);
     if (rise.isZero()) return sky_light(face_up);
     const Vec3f normal = rise.normalized();
     return sky_light(normal.dot(ray.direction.cast<float>()) > 0.0f ? Vec3f(-normal) : normal);

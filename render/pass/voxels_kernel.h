@@ -41,6 +41,7 @@ private:
     };
     void cast(const TileRect& rect, const GBuffer& out);
     void shade(const VoxelRay& ray, const VoxelHit& hit, CellFace face, double pixel_voxels, size_t pixel, GBuffer& out);
+    Vec3f rise_before(const VoxelRay& ray, const VoxelHit& hit, double radius);
     float distant_light(const VoxelRay& ray, const VoxelHit& hit, const Vec3f& face_up);
     Smooth smooth_at(const VoxelRay& ray, const VoxelHit& hit, CellFace face);
 
