@@ -1,5 +1,6 @@
 #include "core/voxel/brick_bins.h"
 
+#include <atomic>
 #include <bit>
 #include <string>
 #include <utility>
@@ -12,7 +13,9 @@ namespace strata {
 namespace {
 
 constexpr size_t kBlock = 1 << 14;  // triangles
-constexpr int kFewBricks = 8;       // so many are taken as the box has them
+constexpr size_t kShares = 16;
+constexpr int kMostDigitBits = 12;
+constexpr int kFewBricks = 8;  // so many are taken as the box has them
 
 struct Entry {
     uint32_t high, low;  // code
@@ -44,21 +47,21 @@ void visit_bricks(const GridMesh& mesh, size_t i, const CellRange& all, Triangle
     });
 }
 
-void sort_by_code(std::vector<Entry>& entries, int bits) {
-    std::vector<Entry> other(entries.size());
-    const int passes = std::max(1, (bits + 11) / 12), digit_bits = (bits + passes - 1) / passes;
-    for (int pass = 0; pass < passes && digit_bits > 0; ++pass) {
-        const int shift = pass * digit_bits;
-        const auto digit = [&](const Entry& e) {
-            return size_t((uint64_t{e.high} << 32 | e.low) >> shift) & ((size_t{1} << digit_bits) - 1);
-        };
-        std::vector<size_t> place(size_t{1} << digit_bits);
-        for (const Entry& e : entries) ++place[digit(e)];
-        size_t sum = 0;
-        for (size_t& p : place) sum += std::exchange(p, sum);
-        for (const Entry& e : entries) other[place[digit(e)]++] = e;
-        entries.swap(other);
-    }
+// Sorts by a digit of the code, keeping the order of equal ones.
+void sort_by_digit(const std::vector<std::span<const Entry>>& from, Entry* to, int shift, int bits, int threads) {
+    const auto digit = [&](const Entry& e) { return size_t((uint64_t{e.high} << 32 | e.low) >> shift) & ((size_t{1} << bits) - 1); };
+    const size_t digits = size_t{1} << bits;
+    std::vector<std::vector<uint32_t>> counts(from.size());
+    parallel_blocks(threads, from.size(), 1, [&](size_t i, size_t) {
+        counts[i].resize(digits);
+        for (const Entry& e : from[i]) ++counts[i][digit(e)];
+    });
+    size_t sum = 0;
+    for (size_t d = 0; d < digits; ++d)
+        for (std::vector<uint32_t>& count : counts) sum += std::exchange(count[d], uint32_t(sum));
+    parallel_blocks(threads, from.size(), 1, [&](size_t i, size_t) {
+        for (const Entry& e : from[i]) to[counts[i][digit(e)]++] = e;
+    });
 }
 
 }  // namespace
@@ -66,31 +69,54 @@ void sort_by_code(std::vector<Entry>& entries, int bits) {
 BrickBins::BrickBins(const GridMesh& mesh, int threads, uint64_t memory_bytes) {
     const int32_t last = std::max(int32_t(mesh.frame().side() >> kBrickBits), 1) - 1;
     const CellRange all = {{0, 0, 0}, {last, last, last}};
-    std::vector<size_t> offset((mesh.size() + kBlock - 1) / kBlock + 1);
-    parallel_blocks(threads, mesh.size(), kBlock, [&](size_t begin, size_t end) {
+    // A few shares of the triangles, so that the sort has few counts to keep.
+    const size_t share = std::max(kBlock, (mesh.size() + kShares - 1) / kShares), shares = (mesh.size() + share - 1) / share;
+    std::vector<std::vector<Entry>> found(shares);
+    std::atomic<uint64_t> count = 0;
+    const uint64_t most = memory_bytes / (2 * sizeof(Entry));
+    parallel_blocks(threads, mesh.size(), share, [&](size_t begin, size_t end) {
         TriangleScanner scanner;
-        size_t count = 0;
-        for (size_t i = begin; i < end; ++i) visit_bricks(mesh, i, all, scanner, [&](uint64_t) { ++count; });
-        offset[begin / kBlock + 1] = count;
+        std::vector<Entry>& entries = found[begin / share];
+        entries.reserve(std::min<uint64_t>((end - begin) * 5 / 4, most / shares));
+        for (size_t block = begin; block < end; block += kBlock) {
+            const size_t before = entries.size();
+            uint64_t more = 0;  // counted only, so that the message can say how many there are
+            const bool full = count > most;
+            for (size_t i = block; i < std::min(end, block + kBlock); ++i)
+                visit_bricks(mesh, i, all, scanner, [&](uint64_t code) {
+                    if (full || entries.size() - before > most) ++more;
+                    else entries.push_back({uint32_t(code >> 32), uint32_t(code), uint32_t(i)});
+                });
+            count += entries.size() - before + more;
+        }
     });
-    for (size_t i = 1; i < offset.size(); ++i) offset[i] += offset[i - 1];
-    const size_t count = offset.back();
-    if (const uint64_t needed = 2 * count * sizeof(Entry); needed > memory_bytes)
-        throw Error(ErrorKind::limit, "triangles by bricks take " + std::to_string((needed >> 20) + 1) + " MiB of memory, " +
-                                          std::to_string(memory_bytes >> 20) + " MiB are left");
-    std::vector<Entry> entries(count);
-    parallel_blocks(threads, mesh.size(), kBlock, [&](size_t begin, size_t end) {
-        TriangleScanner scanner;
-        Entry* out = entries.data() + offset[begin / kBlock];
-        for (size_t i = begin; i < end; ++i)
-            visit_bricks(mesh, i, all, scanner, [&](uint64_t code) { *out++ = {uint32_t(code >> 32), uint32_t(code), uint32_t(i)}; });
-    });
-    sort_by_code(entries, 3 * std::bit_width(uint32_t(last)));
+    if (count > most)
+        throw Error(ErrorKind::limit, "triangles by bricks take " + std::to_string((2 * count * sizeof(Entry) >> 20) + 1) +
+                                          " MiB of memory, " + std::to_string(memory_bytes >> 20) + " MiB are left");
+    std::vector<Entry> entries(count), other;
+    const int bits = 3 * std::bit_width(uint32_t(last)), passes = std::max(1, (bits + kMostDigitBits - 1) / kMostDigitBits);
+    const int digit_bits = (bits + passes - 1) / passes;
+    std::vector<std::span<const Entry>> from(found.begin(), found.end());
+    for (int pass = 0; pass < passes; ++pass) {
+        sort_by_digit(from, entries.data(), pass * digit_bits, digit_bits, threads);
+        if (pass + 1 == passes) break;
+        found.clear();
+        other.resize(count);
+        entries.swap(other);
+        from.clear();
+        const size_t part = (count + kShares - 1) / kShares;
+        for (size_t begin = 0; begin < count; begin += part)
+            from.push_back(std::span<const Entry>(other).subspan(begin, std::min(part, count - begin)));
+    }
+    found.clear();
+    other = {};
     triangles_.resize(count);
     for (size_t i = 0; i < count; ++i) {
         const uint64_t code = uint64_t{entries[i].high} << 32 | entries[i].low;
-        if (bricks_.empty() || bricks_.back().code != code) bricks_.push_back({code, i, i});
-        bricks_.back().end = i + 1;
+        if (bricks_.empty() || bricks_.back().code != code) {
+            if (!bricks_.empty()) bricks_.back().end = i;
+            bricks_.push_back({code, i, count});
+        }
         triangles_[i] = entries[i].triangle;
     }
 }

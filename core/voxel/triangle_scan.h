@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cassert>
 #include <cstdint>
 #include <limits>
@@ -134,6 +135,10 @@ public:
             emit(w, range.first[size_t(u)], range.first[size_t(v)], range.first[size_t(w)], range.last[size_t(w)]);
             return;
         }
+        if (std::max({extent[0], extent[1], extent[2]}) < 4) {
+            scan_few(t, n, c, box, range, emit);
+            return;
+        }
         // Along the axis nearest to the normal the plane leaves few cells a column.
         const std::array<uint64_t, 3> size = {magnitude(n[0]), magnitude(n[1]), magnitude(n[2])};
         const int w = size[0] >= size[1] ? (size[0] >= size[2] ? 0 : 2) : (size[1] >= size[2] ? 1 : 2);
@@ -245,6 +250,92 @@ private:
     CellSpan* spans(size_t table, int count) {
         if (tables_[table].size() < size_t(count)) tables_[table].resize(size_t(count));
         return tables_[table].data();
+    }
+
+    // scan_touched of a triangle whose box has no more than 4 cells an axis: all 4^2 cells of each projection at once, without a branch,
+    // and then the plane for those cells that are left.
+    template <class Emit>
+    static void scan_few(const GridTriangle& t, const std::array<int64_t, 3>& n, int c, const CellRange& box, const CellRange& range,
+                         Emit&& emit) {
+        const std::array<int32_t, 3>& base = box.first;
+        std::array<uint32_t, 3> from, count;
+        for (size_t a = 0; a < 3; ++a) {
+            from[a] = uint32_t(range.first[a] - base[a]);
+            count[a] = uint32_t(range.last[a] - range.first[a] + 1);
+        }
+        // Cell (x, y, z) from `base` is bit 16 x + 4 y + z.
+        uint64_t cells = (~uint64_t{0} >> (64 - 16 * count[0])) << 16 * from[0];
+        cells &= ((uint64_t{0xffff} >> (16 - 4 * count[1])) << 4 * from[1]) * 0x0001000100010001;
+        cells &= ((uint64_t{0xf} >> (4 - count[2])) << from[2]) * 0x1111111111111111;
+        const auto emit_cells = [&](auto&& counts) {
+            for (; cells != 0; cells &= cells - 1) {
+                const int bit = std::countr_zero(cells);
+                const int32_t x = bit >> 4, y = bit >> 2 & 3, z = bit & 3;
+                if (counts(x, y, z)) emit(2, base[0] + x, base[1] + y, base[2] + z, base[2] + z);
+            }
+        };
+        const auto all = [](int32_t, int32_t, int32_t) { return true; };
+        // In one layer of cells the projection across it says all.
+        if (box.first[0] == box.last[0]) {
+            cells &= touched_squares(t, 1, 2, c, base, n[0]);
+            return emit_cells(all);
+        }
+        const auto squares_of_xz = [&] {
+            uint64_t xz = touched_squares(t, 0, 2, c, base, -n[1]);
+            xz = (xz | xz << 24) & 0x000000ff000000ff;
+            xz = (xz | xz << 12) & 0x000f000f000f000f;
+            return xz * 0x1111;
+        };
+        if (box.first[1] == box.last[1]) {
+            cells &= squares_of_xz();
+            return emit_cells(all);
+        }
+        uint64_t xy = touched_squares(t, 0, 1, c, base, n[2]);
+        xy = (xy | xy << 24) & 0x000000ff000000ff;
+        xy = (xy | xy << 12) & 0x000f000f000f000f;
+        xy = (xy | xy << 6) & 0x0303030303030303;
+        xy = (xy | xy << 3) & 0x1111111111111111;
+        cells &= xy * 0xf;
+        if (box.first[2] == box.last[2]) return emit_cells(all);
+        cells &= squares_of_xz() & touched_squares(t, 1, 2, c, base, n[0]) * 0x0001000100010001;
+        const Int128 d = plane_offset(t, n, base, c);
+        const int64_t most = int64_t(d >> c) - std::min<int64_t>(n[0], 0) - std::min<int64_t>(n[1], 0) - std::min<int64_t>(n[2], 0);
+        const int64_t least =
+            int64_t((d - 1) >> c) + 1 - std::max<int64_t>(n[0], 0) - std::max<int64_t>(n[1], 0) - std::max<int64_t>(n[2], 0);
+        emit_cells([&](int32_t x, int32_t y, int32_t z) {
+            const int64_t f = n[0] * x + n[1] * y + n[2] * z;
+            return f >= least && f <= most;
+        });
+    }
+
+    // Of 4 x 4 squares of cells of axes a and b, those that the projection touches: bit 4 i + j. Outside its box also others.
+    // turns  the sign of its area as seen with a to the right and b up
+    static uint64_t touched_squares(const GridTriangle& t, size_t a, size_t b, int c, const std::array<int32_t, 3>& base, int64_t turns) {
+        using Pair __attribute__((vector_size(16))) = int64_t;
+        using Bits __attribute__((vector_size(16))) = uint64_t;
+        // Twice the area between an edge and the corner of each square that lies farthest to its left: negative, it is all to the right.
+        // Of a triangle without area some edges go one way and some the other.
+        const int64_t sign = turns < 0 ? -1 : 1;
+        Pair left[3], left_far[3], step[3];  // i = 0, 1 and 2, 3
+        for (size_t k = 0; k < 3; ++k) {
+            const std::array<int32_t, 3>&p = t.corners[k], &q = t.corners[k == 2 ? 0 : k + 1];
+            const int64_t da = sign * (p[b] - q[b]), db = sign * (q[a] - p[a]);
+            const int64_t pa = p[a] - (int64_t{base[a]} << c), pb = p[b] - (int64_t{base[b]} << c);
+            const int64_t first = ((std::max<int64_t>(da, 0) + std::max<int64_t>(db, 0)) << c) - da * pa - db * pb;
+            const int64_t aside = da * (int64_t{1} << c), along = db * (int64_t{1} << c);
+            left[k] = Pair{first, first + aside};
+            left_far[k] = left[k] + Pair{2 * aside, 2 * aside};
+            step[k] = Pair{along, along};
+        }
+        Bits right = {};
+        for (int j = 0; j < 4; ++j) {
+            right |= (Bits(left[0] | left[1] | left[2]) >> 63) << j | (Bits(left_far[0] | left_far[1] | left_far[2]) >> 63) << (8 + j);
+            for (size_t k = 0; k < 3; ++k) {
+                left[k] += step[k];
+                left_far[k] += step[k];
+            }
+        }
+        return ~(right[0] | right[1] << 4) & 0xffff;
     }
 
     // n . (corner - lower corner of cell `base`)
