@@ -59,7 +59,7 @@ GridMesh::GridMesh(const TriangleMesh& mesh, const VoxelFrame& frame, int thread
     });
     if (!any_far_) return;
     for (size_t i = 0; i < triangles_->size(); ++i)
-        if (const auto& t = (*triangles_)[i]; !is_near(i)) add({place(t[0]), place(t[1]), place(t[2])});
+        if (const auto& t = (*triangles_)[i]; !is_near(i)) add({place(t[0]), place(t[1]), place(t[2])}, i);
 }
 
 GridMesh::FarPoint GridMesh::place(uint32_t vertex) const {
@@ -73,7 +73,7 @@ bool GridMesh::near(const FarPoint& p) const {
 
 // Which edges are halved depends on the edge alone, so that neighbors stay neighbors. All that counts above the frame is that it is
 // there, for lines that go up from inside: ends that both are above count as if they lay at its top.
-void GridMesh::add(const std::array<FarPoint, 3>& corners) {
+void GridMesh::add(const std::array<FarPoint, 3>& corners, size_t source) {
     const int64_t voxel = int64_t{1} << bits_, top = side_ + 2 * voxel;
     std::vector<std::array<FarPoint, 3>> waiting = {corners};
     while (!waiting.empty()) {
@@ -89,6 +89,7 @@ void GridMesh::add(const std::array<FarPoint, 3>& corners) {
             for (FarPoint& p : part) p[2] = top;
         if (near(part[0]) && near(part[1]) && near(part[2])) {
             GridTriangle& added = added_.emplace_back();
+            sources_.push_back(source);
             for (size_t k = 0; k < 3; ++k)
                 for (size_t a = 0; a < 3; ++a) added.corners[k][a] = int32_t(part[k][a]);
             continue;

@@ -34,11 +34,15 @@ public:
         return {{vertices_[t[0]], vertices_[t[1]], vertices_[t[2]]}};
     }
 
+    /// The triangle of the mesh that triangle i is, or a part of.
+    size_t source(size_t i) const { return i < triangles_->size() ? i : sources_[i - triangles_->size()]; }
+
     using FarPoint = std::array<int64_t, 3>;
     /// The snapped place of a vertex, wherever it is.
     FarPoint place(uint32_t vertex) const;
+    static constexpr size_t kNoSource = ~size_t{0};
     /// Adds a triangle, in parts where it reaches far out, less what can be of no account.
-    void add(const std::array<FarPoint, 3>& corners);
+    void add(const std::array<FarPoint, 3>& corners, size_t source = kNoSource);
 
     uint64_t size_bytes() const { return vertices_.size() * sizeof(vertices_[0]) + added_.size() * sizeof(added_[0]); }
 
@@ -54,6 +58,7 @@ private:
     const std::vector<std::array<uint32_t, 3>>* triangles_;
     std::vector<std::array<int32_t, 3>> vertices_;  // first coordinate kFar: too far out for 32 bits
     std::vector<GridTriangle> added_;
+    std::vector<size_t> sources_;  // [added_]
     bool any_far_ = false;
 };
 

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "core/math/random.h"
+#include "core/voxel/solid_angle_kernel.h"
 
 namespace strata {
 namespace {
@@ -106,6 +107,15 @@ Determinant determinant(const std::array<Point, 3>& t, const Point& p) {
     return {0.0, 0};
 }
 
+// Seen from a distance d, an area takes a solid angle of no more than area / d^2. Infinite where boxes meet.
+template <class Part>
+double bound_of(const Part& part, const Vec3d& low, const Vec3d& high) {
+    return part.area / (4.0 * M_PI * (low - part.box.max).cwiseMax(part.box.min - high).cwiseMax(0.0).squaredNorm());
+}
+
+constexpr double kMostOfOthers = 0.02;  // winding number of all parts that are not looked at one by one
+constexpr double kRounding = 1e-9;      // winding numbers over 1/2 by no more than this are not over it
+
 }  // namespace
 
 uint64_t HoleCaps::memory_needed(const TriangleMesh& mesh) { return 24 * mesh.triangles.size() + 16 * mesh.positions.size() + 24; }
@@ -142,9 +152,11 @@ HoleCaps::HoleCaps(const TriangleMesh& mesh, const GridMesh& grid) : bits_(grid.
             for (size_t a = 0; a < 3; ++a) sum[a] += p[a];
         }
         Point apex;
-        for (size_t a = 0; a < 3; ++a) apex[a] = int64_t(sum[a] / Int128(part_edges.size()));
+        for (size_t a = 0; a < 3; ++a) apex[a] = int64_t(sum[a] / Int128(part_edges.size())) | 1;  // no center of a voxel
         Part part;
-        part.box.extend(vector_of(apex));
+        part.begin = caps_.size();
+        part.apex = vector_of(apex);
+        part.box.extend(part.apex);
         for (const BoundaryEdge& edge : part_edges) {
             caps_.push_back({grid.place(edge.to), grid.place(edge.from), apex});  // against the triangle at the edge
             const Vec3d p = vector_of(caps_.back()[0]), q = vector_of(caps_.back()[1]), r = vector_of(apex);
@@ -152,64 +164,122 @@ HoleCaps::HoleCaps(const TriangleMesh& mesh, const GridMesh& grid) : bits_(grid.
             part.box.extend(q);
             part.area += 0.5 * (q - p).cross(r - p).norm();
         }
+        part.end = caps_.size();
         parts_.push_back(part);
     }
+    for (const auto& [ends, which] : {std::pair{&from_, size_t{0}}, {&to_, size_t{1}}})
+        for (const std::array<Point, 3>& cap : caps_) {
+            ends->x.push_back(double(cap[which][0]));
+            ends->y.push_back(double(cap[which][1]));
+            ends->z.push_back(double(cap[which][2]));
+        }
 }
 
-std::optional<int> HoleCaps::least_inside(const std::array<uint32_t, 3>& first, uint32_t size, bool capped) const {
-    if (empty()) return 1;
-    const double unit = std::ldexp(1.0, bits_);
-    const Vec3d low = unit * (Vec3d(first[0], first[1], first[2]).array() + 0.5).matrix(), high = low.array() + unit * (size - 1);
-    // Seen from a distance d, an area takes a solid angle of no more than area / d^2.
-    double most = 0.0;
-    for (const Part& part : parts_) {
+void HolesNearby::look_from(const std::array<uint32_t, 3>& first, uint32_t size) {
+    near_.clear();
+    all_.clear();
+    by_bound_.clear();
+    far_ = 0.0;
+    const double unit = std::ldexp(1.0, caps_.bits_);
+    const Vec3d low = unit * Vec3d(first[0], first[1], first[2]), high = low.array() + unit * size;
+    for (uint32_t i = 0; i < caps_.parts_.size(); ++i) {
+        const HoleCaps::Part& part = caps_.parts_[i];
         if (part.area == 0.0) continue;
-        const double d2 = (low - part.box.max).cwiseMax(part.box.min - high).cwiseMax(0.0).squaredNorm();
-        most += part.area / (4.0 * M_PI * d2);  // infinite inside
+        all_.push_back(i);
+        by_bound_.push_back({bound_of(part, low, high), i});
     }
+    std::sort(by_bound_.begin(), by_bound_.end());
+    for (const auto& [bound, i] : by_bound_) {
+        if (near_.empty() && far_ + bound < kMostOfOthers) far_ += bound;
+        else near_.push_back(i);
+    }
+    std::sort(near_.begin(), near_.end());
+}
+
+std::optional<int> HolesNearby::least_inside(const std::array<uint32_t, 3>& first, uint32_t size, bool capped) {
+    const double unit = std::ldexp(1.0, caps_.bits_);
+    const Vec3d low = unit * (Vec3d(first[0], first[1], first[2]).array() + 0.5).matrix(), high = low.array() + unit * (size - 1);
+    double most = far_;
+    for (const uint32_t i : near_) most += bound_of(caps_.parts_[i], low, high);
     if (most < 0.499) return 1;
     if (capped) return {};
     Point center;
-    for (size_t a = 0; a < 3; ++a) center[a] = (int64_t{2 * first[a] + size} << bits_) / 2;
+    for (size_t a = 0; a < 3; ++a) center[a] = (int64_t{2 * first[a] + size} << caps_.bits_) / 2;
     const double radius = 0.5 * std::sqrt(3.0) * unit * (size - 1);
-    const double limit = 0.5 + winding(center), change = slope_bound(vector_of(center), radius) * radius + 1e-9;
-    if (!(change < 1.0) || std::floor(limit - change) != std::floor(limit + change)) return {};
-    return int(std::floor(limit)) + 1;
+    const double change = slope_bound(vector_of(center), radius) * radius + far_ + 2.0 * kRounding;
+    if (!(change < 0.5)) return {};
+    const double limit = 0.5 + winding(center, near_);
+    if (std::floor(limit - change) != std::floor(limit + change)) return {};
+    return int(std::floor(limit + kRounding)) + 1;
 }
 
-int HoleCaps::least_inside(const std::array<uint32_t, 3>& voxel) const {
-    if (empty()) return 1;
+int HolesNearby::least_inside(const std::array<uint32_t, 3>& voxel) {
     Point center;
-    for (size_t a = 0; a < 3; ++a) center[a] = (int64_t{2 * voxel[a] + 1} << bits_) / 2;
-    return int(std::floor(0.5 + winding(center))) + 1;
+    for (size_t a = 0; a < 3; ++a) center[a] = (int64_t{2 * voxel[a] + 1} << caps_.bits_) / 2;
+    double limit = 0.5 + winding(center, near_);
+    if (const double change = far_ + 2.0 * kRounding; far_ > 0.0 && std::floor(limit - change) != std::floor(limit + change))
+        limit = 0.5 + winding(center, all_);
+    return int(std::floor(limit + kRounding)) + 1;
 }
 
-// A. van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE Trans. Biomed. Eng. 30, 1983.
-double HoleCaps::winding(const Point& p) const {
+// A. van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE Trans. Biomed. Eng. 30, 1983: half of it is the angle of
+// (below, det). Angles are added by multiplying them as complex numbers, and counting how often that goes around.
+double HolesNearby::winding(const Point& p, const std::vector<uint32_t>& parts) {
     const Vec3d origin = vector_of(p);
-    double sum = 0.0;
-    for (const std::array<Point, 3>& cap : caps_) {
-        const Determinant det = determinant(cap, p);
-        if (det.sign == 0) continue;
-        const Vec3d a = vector_of(cap[0]) - origin, b = vector_of(cap[1]) - origin, c = vector_of(cap[2]) - origin;
-        const double la = a.norm(), lb = b.norm(), lc = c.norm(), scale = la * lb * lc;
-        const double below = scale + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-        // On an edge it sees half of what it would see from inside.
-        sum += det.sign * (det.size == 0.0 && std::abs(below) <= 1e-12 * scale ? 0.5 * M_PI : std::atan2(det.size, below));
+    int64_t halves = 0;     // of a turn, of half a solid angle
+    double quarters = 0.0;  // likewise, where a cap is seen from its rim
+    double re = 1.0, im = 0.0;
+    for (const uint32_t i : parts) {
+        const HoleCaps::Part& part = caps_.parts_[i];
+        const size_t n = part.end - part.begin;
+        if (scale_.size() < n) {
+            scale_.resize(n);
+            angle_sine_.resize(n);
+            angle_cosine_.resize(n);
+        }
+        double *const sine = angle_sine_.data(), *const cosine = angle_cosine_.data(), *const scales = scale_.data();
+        const auto at = [&](const PointColumns& points) {
+            return PointColumn{points.x.data() + part.begin, points.y.data() + part.begin, points.z.data() + part.begin};
+        };
+        half_solid_angles(n, at(caps_.from_), at(caps_.to_), part.apex, origin, sine, cosine, scales);
+        for (size_t k = 0; k < n; ++k) {
+            double s = sine[k], c = cosine[k];
+            if (std::abs(s) < 1e-13 * scales[k] && c < 1e-3 * scales[k]) {  // which side p is on is decided in integers
+                const Determinant det = determinant(caps_.caps_[part.begin + k], p);
+                if (det.size == 0.0) {
+                    if (std::abs(c) <= 1e-12 * scales[k]) quarters += 0.5 * det.sign;
+                    else if (c < 0.0) halves += det.sign;
+                    continue;
+                }
+                s = det.sign * std::max(std::abs(s), 1e-16 * scales[k]);
+            }
+            const double product_re = re * c - im * s, product_im = re * s + im * c;
+            if (im >= 0.0 && s >= 0.0 && product_im < 0.0) halves += 2;
+            if (im < 0.0 && s < 0.0 && product_im >= 0.0) halves -= 2;
+            re = product_re;
+            im = product_im;
+            if (const double size = std::abs(re) + std::abs(im); size < 1e-100 || size > 1e100) {  // far from what a double holds
+                re = size > 0.0 ? re / size : 1.0;
+                im = size > 0.0 ? im / size : 0.0;
+            }
+        }
     }
-    return sum / (2.0 * M_PI);
+    return 0.5 * (std::atan2(im, re) / M_PI + double(halves) + quarters);
 }
 
 // The gradient of a winding number is a line integral along the boundary, that of dl x r / (4 pi r^3), as Biot and Savart have it.
-double HoleCaps::slope_bound(const Vec3d& center, double radius) const {
+double HolesNearby::slope_bound(const Vec3d& center, double radius) const {
     double sum = 0.0;
-    for (const std::array<Point, 3>& cap : caps_) {
-        const Vec3d p = vector_of(cap[0]), edge = vector_of(cap[1]) - p;
-        const double t = std::clamp((center - p).dot(edge) / edge.squaredNorm(), 0.0, 1.0);
-        const double distance = (p + t * edge - center).norm() - radius;
-        if (distance <= 0.0) return std::numeric_limits<double>::infinity();
-        sum += edge.norm() / (distance * distance);
-    }
+    for (const uint32_t i : near_)
+        for (size_t k = caps_.parts_[i].begin; k < caps_.parts_[i].end; ++k) {
+            const Vec3d p = Vec3d(caps_.from_.x[k], caps_.from_.y[k], caps_.from_.z[k]) - center;
+            const Vec3d edge = Vec3d(caps_.to_.x[k], caps_.to_.y[k], caps_.to_.z[k]) - center - p;
+            const double length2 = edge.squaredNorm();
+            const double t = std::clamp(-p.dot(edge) / length2, 0.0, 1.0);
+            const double distance = (p + t * edge).norm() - radius;
+            if (distance <= 0.0) return std::numeric_limits<double>::infinity();
+            sum += std::sqrt(length2) / (distance * distance);
+        }
     return sum / (4.0 * M_PI);
 }
 

@@ -10,6 +10,10 @@
 
 namespace strata {
 
+struct PointColumns {
+    std::vector<double> x, y, z;
+};
+
 /// Triangles that close a mesh, and how far the winding number of the mesh is from that of the closed one.
 ///
 /// The boundary of a mesh, edges that it does not run through as often one way as the other, is a set of cycles. A cone over each of
@@ -30,25 +34,46 @@ public:
     bool empty() const { return caps_.empty(); }
     const std::vector<std::array<Point, 3>>& caps() const { return caps_; }
 
-    /// The least n that lies inside, for all centers of voxels in a cube; empty: not the same for all, as far as can be told.
+private:
+    friend class HolesNearby;
+
+    struct Part {
+        Box3d box;                  // grid units, as all here
+        double area = 0.0;          // of its caps
+        size_t begin = 0, end = 0;  // in caps_
+        Vec3d apex;
+    };
+    int bits_;
+    std::vector<std::array<Point, 3>> caps_;  // part after part; the first two corners are an edge of the boundary
+    std::vector<Part> parts_;
+    PointColumns from_, to_;  // [caps_] ends of these edges
+};
+
+/// The caps as seen from a cube of voxels: near ones one by one, the others by how little they can matter.
+/// Keeps its buffers, and refers to the caps.
+class HolesNearby {
+public:
+    explicit HolesNearby(const HoleCaps& caps) : caps_(caps) {}
+
     /// first, size  the cube's corner and side, voxels
-    /// capped       whether a cap touches the cube
-    std::optional<int> least_inside(const std::array<uint32_t, 3>& first, uint32_t size, bool capped) const;
+    void look_from(const std::array<uint32_t, 3>& first, uint32_t size);
+
+    /// The least n that lies inside, for all centers of voxels in a cube in that looked from; empty: not the same for all, as far as
+    /// can be told.
+    /// capped  whether a cap touches the cube
+    std::optional<int> least_inside(const std::array<uint32_t, 3>& first, uint32_t size, bool capped);
     /// The same at one center.
-    int least_inside(const std::array<uint32_t, 3>& voxel) const;
+    int least_inside(const std::array<uint32_t, 3>& voxel);
 
 private:
-    struct Part {
-        Box3d box;          // grid units, as all here
-        double area = 0.0;  // of its caps
-    };
-
-    double winding(const Point& p) const;
+    double winding(const HoleCaps::Point& p, const std::vector<uint32_t>& parts);
     double slope_bound(const Vec3d& center, double radius) const;
 
-    int bits_;
-    std::vector<std::array<Point, 3>> caps_;  // the first two corners are an edge of the boundary
-    std::vector<Part> parts_;
+    const HoleCaps& caps_;
+    std::vector<std::pair<double, uint32_t>> by_bound_;
+    std::vector<uint32_t> near_, all_;  // parts
+    double far_ = 0.0;                  // the most that the winding number of all others is
+    std::vector<double> angle_sine_, angle_cosine_, scale_;
 };
 
 }  // namespace strata

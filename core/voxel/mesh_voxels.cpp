@@ -1,13 +1,19 @@
 #include "core/voxel/mesh_voxels.h"
 
+#include <algorithm>
+#include <atomic>
+#include <mutex>
+#include <span>
 #include <string>
 
 #include "core/error.h"
+#include "core/parallel.h"
 #include "core/voxel/brick_bins.h"
 #include "core/voxel/grid_mesh.h"
 #include "core/voxel/hole_caps.h"
-#include "core/voxel/ordered_batches.h"
+#include "core/voxel/ordered_output.h"
 #include "core/voxel/solid_bricks.h"
+#include "core/voxel/surface_attributes.h"
 
 namespace strata {
 namespace {
@@ -35,6 +41,15 @@ public:
         }
     }
 
+    std::span<const uint64_t> masks() const { return masks_; }
+
+    /// Of a voxel of the frame, its place in the brick's order.
+    uint32_t place(const std::array<int32_t, 3>& voxel) const {
+        uint32_t place = 0;
+        for (size_t a = 0; a < 3; ++a) place |= code_[a][size_t(voxel[a]) % kBrickSide];
+        return place;
+    }
+
     /// Appends the blocks of the brick and forgets them.
     void take_blocks(uint64_t brick, std::vector<VoxelBlock>& blocks) {
         for (size_t i = 0; i < kMasks; ++i) {
@@ -53,6 +68,7 @@ private:
 struct BrickWorker {
     TriangleScanner scanner;
     BrickMasks masks;
+    SurfaceAttributes attributes;
 };
 
 CellRange voxels_of_brick(const VoxelFrame& frame, uint64_t code) {
@@ -65,27 +81,62 @@ CellRange voxels_of_brick(const VoxelFrame& frame, uint64_t code) {
     return range;
 }
 
-void voxelize_surface(const GridMesh& grid, const BrickBins& bins, const MeshVoxelSettings& settings, const VoxelSink& sink) {
-    std::vector<BrickWorker> workers(size_t(std::max(settings.threads, 1)));
-    batches_in_order(
-        settings.threads, bins.bricks().size(),
-        [&](int worker, size_t job, VoxelBatch& batch) {
-            auto& [scanner, masks] = workers[size_t(worker)];
-            const BrickBins::Brick& brick = bins.bricks()[job];
-            const CellRange clip = voxels_of_brick(grid.frame(), brick.code);
-            const auto add = [&](int w, int32_t u, int32_t v, int32_t first, int32_t last) { masks.add(w, u, v, first, last); };
-            for (const uint32_t i : bins.triangles(brick)) {
-                const GridTriangle t = grid[i];
-                if (settings.kind == VoxelKind::conservative) scanner.scan_touched(t, grid.bits(), clip, add);
-                else
-                    for (int w = 0; w < 3; ++w) scanner.scan_centers(t, w, grid.bits(), clip, add);
+// Makes the batches of all jobs side by side.
+// make  of worker, job and batch; worker: 0 ... threads - 1
+template <class Make>
+void make_in_order(size_t jobs, const MeshVoxelSettings& settings, const VoxelSink& sink, const Make& make) {
+    const int threads = int(std::clamp<size_t>(jobs, 1, size_t(std::max(settings.threads, 1))));
+    OrderedOutput output(sink, 4 * uint64_t(threads));  // so that a long job does not stop the others at once
+    std::atomic<size_t> next = 0;
+    std::mutex done_mutex;
+    uint64_t done = 0;
+    parallel_workers(threads, [&](int worker) {
+        try {
+            for (size_t job; (job = next++) < jobs && output.begin(job);) {
+                VoxelBatch batch = output.batch();
+                make(size_t(worker), job, batch);
+                output.deliver(job, std::move(batch));
+                const std::lock_guard lock(done_mutex);
+                ++done;
+                if (settings.on_progress) settings.on_progress({done, jobs});
             }
-            masks.take_blocks(brick.code, batch.blocks);
-        },
-        [&](size_t job, const VoxelBatch& batch) {
-            if (!batch.blocks.empty()) sink(batch);
-            if (settings.on_progress) settings.on_progress({job + 1, bins.bricks().size()});
-        });
+        } catch (...) {
+            output.fail();
+            throw;
+        }
+    });
+}
+
+void voxelize_surface(const TriangleMesh& mesh, const GridMesh& grid, const BrickBins& bins, const MeshVoxelSettings& settings,
+                      const VoxelSink& sink) {
+    std::vector<BrickWorker> workers(size_t(std::max(settings.threads, 1)), BrickWorker{.attributes = {mesh, grid, settings.attributes}});
+    make_in_order(bins.bricks().size(), settings, sink, [&](size_t worker, size_t job, VoxelBatch& batch) {
+        auto& [scanner, masks, attributes] = workers[worker];
+        const BrickBins::Brick& brick = bins.bricks()[job];
+        const CellRange clip = voxels_of_brick(grid.frame(), brick.code);
+        const auto scan = [&](size_t i, auto&& visit) {
+            const GridTriangle t = grid[i];
+            if (settings.kind == VoxelKind::conservative) scanner.scan_touched(t, grid.bits(), clip, visit);
+            else
+                for (int w = 0; w < 3; ++w) scanner.scan_centers(t, w, grid.bits(), clip, visit);
+        };
+        for (const uint32_t i : bins.triangles(brick))
+            scan(i, [&](int w, int32_t u, int32_t v, int32_t first, int32_t last) { masks.add(w, u, v, first, last); });
+        if (settings.attributes.any_of_voxels()) {
+            attributes.start(masks.masks());
+            for (const uint32_t i : bins.triangles(brick)) {
+                attributes.take_triangle(i);
+                scan(i, [&](int w, int32_t u, int32_t v, int32_t first, int32_t last) {
+                    std::array<int32_t, 3> voxel;
+                    voxel[size_t(w + 1) % 3] = u;
+                    voxel[size_t(w + 2) % 3] = v;
+                    for (int32_t& k = voxel[size_t(w)] = first; k <= last; ++k) attributes.add(masks.place(voxel), voxel);
+                });
+            }
+            attributes.append_columns(batch);
+        }
+        masks.take_blocks(brick.code, batch.blocks);
+    });
 }
 
 void voxelize_solid(const GridMesh& grid, const HoleCaps& holes, size_t first_cap, const BrickBins& bins, const MeshVoxelSettings& settings,
@@ -93,23 +144,20 @@ void voxelize_solid(const GridMesh& grid, const HoleCaps& holes, size_t first_ca
     const BrickWindings windings(grid, settings.threads);
     const SolidPlan plan = plan_solid(grid, bins, windings, holes);
     std::vector<SolidBrick> workers(size_t(std::max(settings.threads, 1)), SolidBrick(grid, holes, first_cap));
-    batches_in_order(
-        settings.threads, plan.jobs.size(),
-        [&](int worker, size_t i, VoxelBatch& batch) {
-            const SolidJob& job = plan.jobs[i];
-            batch.blocks.assign(plan.cubes.begin() + std::ptrdiff_t(job.first_cube), plan.cubes.begin() + std::ptrdiff_t(job.last_cube));
-            if (job.has_brick)
-                workers[size_t(worker)].fill(job.code, job.triangles, windings.at(coordinates_of_code(job.code)), batch.blocks);
-        },
-        [&](size_t i, const VoxelBatch& batch) {
-            if (!batch.blocks.empty()) sink(batch);
-            if (settings.on_progress) settings.on_progress({i + 1, plan.jobs.size()});
-        });
+    make_in_order(plan.jobs.size(), settings, sink, [&](size_t worker, size_t i, VoxelBatch& batch) {
+        const SolidJob& job = plan.jobs[i];
+        batch.blocks.assign(plan.cubes.begin() + std::ptrdiff_t(job.first_cube), plan.cubes.begin() + std::ptrdiff_t(job.last_cube));
+        if (job.has_brick) workers[worker].fill(job.code, job.triangles, windings.at(coordinates_of_code(job.code)), batch.blocks);
+    });
 }
 
 }  // namespace
 
 void voxelize_mesh(const TriangleMesh& mesh, const VoxelFrame& frame, const MeshVoxelSettings& settings, const VoxelSink& sink) {
+    if (settings.attributes.count) throw Error(ErrorKind::usage, "voxels of a mesh have no count of points");
+    if (settings.attributes.color && mesh.colors.empty()) throw Error(ErrorKind::usage, "the mesh has no colors");
+    if (settings.attributes.any_of_voxels() && settings.kind == VoxelKind::solid)
+        throw Error(ErrorKind::usage, "voxels of a solid have no attributes");
     uint64_t memory_left = settings.memory_bytes;
     const auto check = [&](uint64_t bytes, const char* what) {
         if (bytes > memory_left)
@@ -120,7 +168,7 @@ void voxelize_mesh(const TriangleMesh& mesh, const VoxelFrame& frame, const Mesh
     memory_left -= check(mesh.positions.size() * sizeof(std::array<int32_t, 3>), "snapped vertices");
     GridMesh grid(mesh, frame, settings.threads);
     if (settings.kind != VoxelKind::solid) {
-        voxelize_surface(grid, BrickBins(grid, settings.threads, memory_left), settings, sink);
+        voxelize_surface(mesh, grid, BrickBins(grid, settings.threads, memory_left), settings, sink);
         return;
     }
     check(HoleCaps::memory_needed(mesh), "edges of the mesh");

@@ -42,6 +42,7 @@ int BrickWindings::at(const std::array<uint32_t, 3>& brick) const {
 
 SolidPlan plan_solid(const GridMesh& mesh, const BrickBins& bins, const BrickWindings& windings, const HoleCaps& holes) {
     SolidPlan plan;
+    HolesNearby nearby(holes);
     size_t cubes_handed_out = 0;
     const auto add_brick = [&](uint64_t code, std::span<const uint32_t> triangles) {
         plan.jobs.push_back({cubes_handed_out, plan.cubes.size(), code, triangles, true});
@@ -55,7 +56,9 @@ SolidPlan plan_solid(const GridMesh& mesh, const BrickBins& bins, const BrickWin
             const std::array<uint32_t, 3> brick = coordinates_of_code(first_brick);
             std::array<uint32_t, 3> first;
             for (size_t a = 0; a < 3; ++a) first[a] = brick[a] << kBrickBits;
-            if (const auto least = holes.least_inside(first, uint32_t{4} << 2 * height, false)) {
+            const uint32_t size = uint32_t{4} << 2 * height;
+            nearby.look_from(first, size);
+            if (const auto least = nearby.least_inside(first, size, false)) {
                 if (windings.at(brick) >= *least) plan.cubes.push_back({code, kFullMask, height});
                 return;
             }
@@ -81,6 +84,7 @@ SolidPlan plan_solid(const GridMesh& mesh, const BrickBins& bins, const BrickWin
 SolidBrick::SolidBrick(const GridMesh& mesh, const HoleCaps& holes, size_t caps)
     : mesh_(mesh),
       holes_(holes),
+      has_holes_(!holes.empty()),
       caps_(caps),
       start_(kBrickSide * kBrickSide),
       places_(kMasks + 1),
@@ -97,11 +101,13 @@ void SolidBrick::fill(uint64_t code, std::span<const uint32_t> triangles, int wi
     }
     start_columns(voxels, triangles, winding);
     cross_columns(voxels, triangles);
-    if (!holes_.empty()) {
+    if (has_holes_) {
         mark_capped(voxels, triangles);
         std::array<uint32_t, 3> first;
         for (size_t a = 0; a < 3; ++a) first[a] = uint32_t(voxels.first[a]);
-        find_least(first, uint32_t(voxels.last[0] - voxels.first[0] + 1), first);
+        const uint32_t size = uint32_t(voxels.last[0] - voxels.first[0] + 1);
+        holes_.look_from(first, size);
+        find_least(first, size, first);
     } else {
         std::fill(least_.begin(), least_.end(), 1);
     }

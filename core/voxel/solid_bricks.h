@@ -75,7 +75,8 @@ private:
     void append_blocks(uint64_t code, std::vector<VoxelBlock>& blocks) const;
 
     const GridMesh& mesh_;
-    const HoleCaps& holes_;
+    HolesNearby holes_;
+    bool has_holes_;
     size_t caps_;
     TriangleScanner scanner_;
     std::vector<int32_t> start_;  // [x][y] winding at the first center of each column

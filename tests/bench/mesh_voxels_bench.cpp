@@ -1,37 +1,16 @@
-// Voxelization of a mesh: STRATA_BENCH_MESH names an OBJ file (a scanned bust of 100,000 triangles), taken as it is and with each
-// triangle divided into 16.
+// Voxels of a mesh: STRATA_BENCH_MESH names its file (a scanned bust of 100,000 triangles), taken as it is and with each triangle
+// divided into 16.
 #include <benchmark/benchmark.h>
 
-#include <charconv>
 #include <cstdlib>
-#include <fstream>
 #include <map>
-#include <sstream>
 
 #include "core/parallel.h"
 #include "core/voxel/mesh_voxels.h"
+#include "io/mesh/mesh_reader.h"
 
 namespace strata {
 namespace {
-
-TriangleMesh read_obj(const char* path) {
-    TriangleMesh mesh;
-    std::ifstream file(path);
-    for (std::string line, word; std::getline(file, line);) {
-        std::istringstream words(line);
-        words >> word;
-        if (word == "v") {
-            Vec3d p;
-            words >> p[0] >> p[1] >> p[2];
-            mesh.positions.push_back(p);
-        } else if (word == "f") {
-            std::vector<uint32_t> face;
-            while (words >> word) face.push_back(uint32_t(std::strtoul(word.c_str(), nullptr, 10) - 1));
-            for (size_t i = 2; i < face.size(); ++i) mesh.triangles.push_back({face[0], face[i - 1], face[i]});
-        }
-    }
-    return mesh;
-}
 
 TriangleMesh halved(const TriangleMesh& mesh) {
     TriangleMesh out;
@@ -52,17 +31,8 @@ TriangleMesh halved(const TriangleMesh& mesh) {
 const TriangleMesh* bench_mesh(bool fine) {
     const char* const path = std::getenv("STRATA_BENCH_MESH");
     if (path == nullptr) return nullptr;
-    static const TriangleMesh coarse = read_obj(path), divided = halved(halved(coarse));
+    static const TriangleMesh coarse = read_mesh(path), divided = halved(halved(coarse));
     return fine ? &divided : &coarse;
-}
-
-VoxelFrame frame_around(const TriangleMesh& mesh, double resolution) {
-    const Box3d box = mesh.bounds();
-    VoxelFrame frame;
-    frame.voxel_size = box.size().maxCoeff() / (resolution - 0.01);
-    frame.origin = box.min - Vec3d::Constant(0.005 * frame.voxel_size);
-    while (frame.side() < uint32_t(resolution)) ++frame.levels;
-    return frame;
 }
 
 uint64_t count_of(const TriangleMesh& mesh, const VoxelFrame& frame, const MeshVoxelSettings& settings) {
@@ -73,10 +43,10 @@ uint64_t count_of(const TriangleMesh& mesh, const VoxelFrame& frame, const MeshV
     return count;
 }
 
-void voxelize(benchmark::State& state, VoxelKind kind, bool fine) {
+void mesh_voxels(benchmark::State& state, VoxelKind kind, bool fine) {
     const TriangleMesh* const mesh = bench_mesh(fine);
     if (mesh == nullptr) return state.SkipWithError("STRATA_BENCH_MESH names no mesh");
-    const VoxelFrame frame = frame_around(*mesh, double(state.range(0)));
+    const VoxelFrame frame = frame_of_resolution(mesh->bounds(), uint32_t(state.range(0)));
     const int threads = int(state.range(1));
     uint64_t count = 0;
     for (auto _ : state) count = count_of(*mesh, frame, {.kind = kind, .threads = threads});
@@ -85,16 +55,18 @@ void voxelize(benchmark::State& state, VoxelKind kind, bool fine) {
     state.counters["voxels/s"] = benchmark::Counter(double(count) * double(state.iterations()), benchmark::Counter::kIsRate);
     if (count != count_of(*mesh, frame, {.kind = kind, .threads = 3 - threads})) state.SkipWithError("other threads, other voxels");
 }
-#define STRATA_VOXELIZE(name, kind, fine)         \
-    BENCHMARK_CAPTURE(voxelize, name, kind, fine) \
-        ->ArgNames({"resolution", "threads"})     \
-        ->ArgsProduct({{1024, 4096}, {1, 2}})     \
-        ->UseRealTime()                           \
+#define STRATA_VOXELIZE(name, kind, fine)            \
+    BENCHMARK_CAPTURE(mesh_voxels, name, kind, fine) \
+        ->ArgNames({"resolution", "threads"})        \
+        ->ArgsProduct({{1024, 4096}, {1, 2}})        \
+        ->UseRealTime()                              \
         ->Unit(benchmark::kMillisecond)
 STRATA_VOXELIZE(conservative_100k, VoxelKind::conservative, false);
 STRATA_VOXELIZE(conservative_1600k, VoxelKind::conservative, true);
 STRATA_VOXELIZE(thin_100k, VoxelKind::thin, false);
 STRATA_VOXELIZE(thin_1600k, VoxelKind::thin, true);
+STRATA_VOXELIZE(solid_100k, VoxelKind::solid, false);
+STRATA_VOXELIZE(solid_1600k, VoxelKind::solid, true);
 
 }  // namespace
 }  // namespace strata

@@ -20,25 +20,32 @@ Int128 dot(const Point& a, const Point& b) { return a[0] * b[0] + a[1] * b[1] + 
 Point minus(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 Point cross(const Point& a, const Point& b) { return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]}; }
 
-// By the separating axis theorem, axis after axis, in whole numbers.
-bool touches_box(const Corners& t, const Point& low, const Point& high) {
-    std::vector<Point> axes = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, cross(minus(t[1], t[0]), minus(t[2], t[0]))};
-    for (size_t k = 0; k < 3; ++k)
-        for (size_t a = 0; a < 3; ++a) axes.push_back(cross(minus(t[(k + 1) % 3], t[k]), axes[a]));
-    for (const Point& axis : axes) {
-        Int128 tri_low = dot(axis, t[0]), tri_high = tri_low, box_low = 0, box_high = 0;
-        for (const Point& p : t) {
-            tri_low = std::min(tri_low, dot(axis, p));
-            tri_high = std::max(tri_high, dot(axis, p));
-        }
-        for (size_t a = 0; a < 3; ++a) {
-            box_low += std::min(axis[a] * low[a], axis[a] * high[a]);
-            box_high += std::max(axis[a] * low[a], axis[a] * high[a]);
-        }
-        if (tri_high < box_low || box_high < tri_low) return false;
+// The separating axis theorem, axis after axis, in whole numbers.
+class Touch {
+public:
+    explicit Touch(const Corners& t) : t_(t) {
+        axes_ = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, cross(minus(t[1], t[0]), minus(t[2], t[0]))};
+        for (size_t k = 0; k < 3; ++k)
+            for (size_t a = 0; a < 3; ++a) axes_.push_back(cross(minus(t[(k + 1) % 3], t[k]), axes_[a]));
     }
-    return true;
-}
+
+    bool box(const Point& low, const Point& high) const {
+        for (const Point& axis : axes_) {
+            const auto [tri_low, tri_high] = std::minmax({dot(axis, t_[0]), dot(axis, t_[1]), dot(axis, t_[2])});
+            Int128 box_low = 0, box_high = 0;
+            for (size_t a = 0; a < 3; ++a) {
+                box_low += std::min(axis[a] * low[a], axis[a] * high[a]);
+                box_high += std::max(axis[a] * low[a], axis[a] * high[a]);
+            }
+            if (tri_high < box_low || box_high < tri_low) return false;
+        }
+        return true;
+    }
+
+private:
+    Corners t_;
+    std::vector<Point> axes_;
+};
 
 struct Rational {
     Int128 above, below;  // below > 0
@@ -49,6 +56,8 @@ struct Rational {
 // through it has in common with the triangle, from the points it has in common with its edges and its inside.
 bool meets_segment(const Corners& t, size_t w, const Point& low, Int128 length) {
     const size_t u = (w + 1) % 3, v = (w + 2) % 3;
+    for (const size_t a : {u, v})
+        if (low[a] < std::min({t[0][a], t[1][a], t[2][a]}) || low[a] > std::max({t[0][a], t[1][a], t[2][a]})) return false;
     std::vector<Rational> common;
     for (size_t k = 0; k < 3; ++k) {
         const Point &p = t[k], &q = t[(k + 1) % 3];
@@ -81,9 +90,9 @@ bool meets_segment(const Corners& t, size_t w, const Point& low, Int128 length) 
     return *least < Rational{low[w] + length, 1} && !(*most < Rational{low[w], 1});
 }
 
-bool occupies(const Corners& t, VoxelKind kind, const std::array<uint32_t, 3>& voxel, Int128 unit) {
+bool occupies(const Corners& t, const Touch& touch, VoxelKind kind, const std::array<uint32_t, 3>& voxel, Int128 unit) {
     const Point low = {voxel[0] * unit, voxel[1] * unit, voxel[2] * unit}, high = {low[0] + unit, low[1] + unit, low[2] + unit};
-    if (kind == VoxelKind::conservative) return touches_box(t, low, high);
+    if (kind == VoxelKind::conservative) return touch.box(low, high);
     for (size_t w = 0; w < 3; ++w) {
         Point start = {low[0] + unit / 2, low[1] + unit / 2, low[2] + unit / 2};
         start[w] = low[w];
@@ -104,10 +113,11 @@ CellGrid brute_force(const TriangleMesh& mesh, const VoxelFrame& frame, VoxelKin
     const double unit = std::ldexp(1.0, snapped_bits(frame));
     for (size_t i = 0; i < mesh.triangles.size(); ++i) {
         const Corners t = corners_of(mesh, i, unit);
+        const Touch touch(t);
         for (uint32_t x = 0; x < dense.side; ++x)
             for (uint32_t y = 0; y < dense.side; ++y)
                 for (uint32_t z = 0; z < dense.side; ++z)
-                    if (!dense.at(x, y, z) && occupies(t, kind, {x, y, z}, Int128(unit))) dense.at(x, y, z) = 1;
+                    if (!dense.at(x, y, z) && occupies(t, touch, kind, {x, y, z}, Int128(unit))) dense.at(x, y, z) = 1;
     }
     return dense;
 }
