@@ -1,59 +1,127 @@
 #include "core/voxel/ray_cast.h"
 
-#include <algorithm>
 #include <cassert>
 
-#include "core/voxel/ray_walk.h"
+#include "core/simd_level.h"
+#include "core/simd_target.h"
+#include "core/voxel/ray_group.h"
+#include "core/voxel/voxel_dag.h"
 
 namespace strata {
 
 namespace {
 
-struct TreeNodes {
-    const VoxelTree& tree;
+// A tree or a DAG, as the walk asks it.
+template <class Tree>
+class NodesOf {
+public:
+    explicit NodesOf(const Tree& tree) : tree_(tree) {}
 
-    int levels() const { return int(tree.levels.size()); }
-    uint64_t mask(int level, uint32_t node) const { return tree.levels[size_t(level)].masks[node]; }
-    uint64_t full_mask(int level, uint32_t node) const { return tree.levels[size_t(level)].full_mask(node); }
-    uint32_t child(int level, uint32_t node, int bit) const { return tree.levels[size_t(level)].child(node, bit); }
+    int levels() const { return int(tree_.levels.size()); }
+    uint64_t mask(int level, uint32_t node) const { return tree_.levels[size_t(level)].masks[node]; }
+    uint64_t full_mask(int level, uint32_t node) const { return tree_.levels[size_t(level)].full_mask(node); }
+    uint32_t child(int level, uint32_t node, int bit) const { return tree_.levels[size_t(level)].child(node, bit); }
+
+private:
+    const Tree& tree_;
 };
 
-bool cast(const VoxelTree& tree, const VoxelRay& ray, const RayLimits& limits, VoxelHit& hit) {
+using Rays = std::span<const VoxelRay>;
+using Hits = std::span<VoxelHit>;
+
+template <class Tree>
+bool cast(const Tree& tree, const VoxelRay& ray, const RayLimits& limits, VoxelHit& hit) {
     RayWalk walk;
     WalkStart start;
-    if (tree.empty() || !prepare_walk(tree.frame, ray, limits, walk) || !enter_cube(walk, start)) return false;
-    return walk_to_hit(TreeNodes{tree}, tree.frame, walk, start, std::clamp(limits.depth, 1, tree.frame.depth()), hit);
+    if (tree.empty() || !prepare_walk(tree.frame, ray, limits, walk) || !enter_cube(walk, 3, 0, start)) return false;
+    const NodesOf nodes(tree);
+    return VoxelWalker(nodes, tree.frame, limits.depth).walk_to_hit(walk, start, hit);
+}
+
+// One ray, a span of rays and a tile, for each instruction set. The arithmetic is the same, and so are the hits.
+template <class Tree>
+STRATA_KERNEL_BASELINE bool cast_baseline(const Tree& tree, const VoxelRay& ray, const RayLimits& limits, VoxelHit& hit) {
+    return cast(tree, ray, limits, hit);
+}
+template <class Tree>
+STRATA_KERNEL_AVX2 bool cast_avx2(const Tree& tree, const VoxelRay& ray, const RayLimits& limits, VoxelHit& hit) {
+    return cast(tree, ray, limits, hit);
+}
+template <class Tree>
+bool cast_at(SimdLevel level, const Tree& tree, const VoxelRay& ray, const RayLimits& limits, VoxelHit& hit) {
+    return level == SimdLevel::baseline ? cast_baseline(tree, ray, limits, hit) : cast_avx2(tree, ray, limits, hit);
+}
+
+template <class Tree>
+STRATA_KERNEL_BASELINE void span_baseline(const Tree& tree, Rays rays, const RayLimits& limits, Hits hits) {
+    cast_span(NodesOf(tree), tree.frame, rays, limits, hits);
+}
+template <class Tree>
+STRATA_KERNEL_AVX2 void span_avx2(const Tree& tree, Rays rays, const RayLimits& limits, Hits hits) {
+    cast_span(NodesOf(tree), tree.frame, rays, limits, hits);
+}
+template <class Tree>
+void span_at(SimdLevel level, const Tree& tree, Rays rays, const RayLimits& limits, Hits hits) {
+    assert(rays.size() == hits.size());
+    if (tree.empty()) std::fill(hits.begin(), hits.end(), VoxelHit{});
+    else if (level == SimdLevel::baseline) span_baseline(tree, rays, limits, hits);
+    else span_avx2(tree, rays, limits, hits);
+}
+
+template <class Tree>
+STRATA_KERNEL_BASELINE void tile_baseline(const Tree& tree, const VoxelTile& tile, const RayLimits& limits, Hits hits) {
+    cast_tile_of(NodesOf(tree), tree.frame, tile, limits, hits);
+}
+template <class Tree>
+STRATA_KERNEL_AVX2 void tile_avx2(const Tree& tree, const VoxelTile& tile, const RayLimits& limits, Hits hits) {
+    cast_tile_of(NodesOf(tree), tree.frame, tile, limits, hits);
+}
+template <class Tree>
+void tile_at(SimdLevel level, const Tree& tree, const VoxelTile& tile, const RayLimits& limits, Hits hits) {
+    assert(hits.size() == size_t(tile.width) * size_t(tile.height));
+    if (tree.empty()) std::fill(hits.begin(), hits.end(), VoxelHit{});
+    else if (level == SimdLevel::baseline) tile_baseline(tree, tile, limits, hits);
+    else tile_avx2(tree, tile, limits, hits);
 }
 
 }  // namespace
 
-std::optional<VoxelHit> cast_ray(const VoxelTree& tree, const VoxelRay& ray, const RayLimits& limits) {
+std::optional<VoxelHit> cast_ray(const VoxelTree& tree, const VoxelRay& ray, const RayLimits& limits, SimdLevel level) {
     VoxelHit hit;
-    if (!cast(tree, ray, limits, hit)) return std::nullopt;
+    if (!cast_at(level, tree, ray, limits, hit)) return std::nullopt;
     return hit;
 }
 
-bool is_occluded(const VoxelTree& tree, const VoxelRay& ray, const RayLimits& limits) {
+bool is_occluded(const VoxelTree& tree, const VoxelRay& ray, const RayLimits& limits, SimdLevel level) {
     VoxelHit hit;
-    return cast(tree, ray, limits, hit);
+    return cast_at(level, tree, ray, limits, hit);
 }
 
-void cast_rays(const VoxelTree& tree, std::span<const VoxelRay> rays, const RayLimits& limits, std::span<VoxelHit> hits) {
-    assert(rays.size() == hits.size());
-    for (size_t i = 0; i < rays.size(); ++i) {
-        hits[i] = {};
-        cast(tree, rays[i], limits, hits[i]);
-    }
+void cast_rays(const VoxelTree& tree, Rays rays, const RayLimits& limits, Hits hits, SimdLevel level) {
+    span_at(level, tree, rays, limits, hits);
 }
 
-void cast_tile(const VoxelTree& tree, const VoxelTile& tile, const RayLimits& limits, std::span<VoxelHit> hits) {
-    assert(hits.size() == size_t(tile.width) * size_t(tile.height));
-    size_t i = 0;
-    for (int y = 0; y < tile.height; ++y)
-        for (int x = 0; x < tile.width; ++x, ++i) {
-            hits[i] = {};
-            cast(tree, tile.ray(x, y), limits, hits[i]);
-        }
+void cast_tile(const VoxelTree& tree, const VoxelTile& tile, const RayLimits& limits, Hits hits, SimdLevel level) {
+    tile_at(level, tree, tile, limits, hits);
+}
+
+std::optional<VoxelHit> cast_ray(const VoxelDag& tree, const VoxelRay& ray, const RayLimits& limits, SimdLevel level) {
+    VoxelHit hit;
+    if (!cast_at(level, tree, ray, limits, hit)) return std::nullopt;
+    return hit;
+}
+
+bool is_occluded(const VoxelDag& tree, const VoxelRay& ray, const RayLimits& limits, SimdLevel level) {
+    VoxelHit hit;
+    return cast_at(level, tree, ray, limits, hit);
+}
+
+void cast_rays(const VoxelDag& tree, Rays rays, const RayLimits& limits, Hits hits, SimdLevel level) {
+    span_at(level, tree, rays, limits, hits);
+}
+
+void cast_tile(const VoxelDag& tree, const VoxelTile& tile, const RayLimits& limits, Hits hits, SimdLevel level) {
+    tile_at(level, tree, tile, limits, hits);
 }
 
 }  // namespace strata

@@ -7,9 +7,12 @@
 #include <span>
 
 #include "core/math/vec.h"
+#include "core/simd_level.h"
 #include "core/voxel/voxel_tree.h"
 
 namespace strata {
+
+struct VoxelDag;
 
 /// Points origin + t * direction, t >= 0, in voxels of the tree's frame.
 struct VoxelRay {
@@ -58,17 +61,29 @@ struct VoxelTile {
 /// Cells are half open: a ray along a face is in the cell above it. One that starts on a face is in the cell that it looks into.
 /// Where it passes through an edge or a corner it visits one of the cells between as well, so that it passes no wall whose cells
 /// share faces. Differs from an exhaustive walk in double precision only where the ray passes within 2^-13 cell of an edge.
-std::optional<VoxelHit> cast_ray(const VoxelTree& tree, const VoxelRay& ray, const RayLimits& limits = {});
+std::optional<VoxelHit> cast_ray(const VoxelTree& tree, const VoxelRay& ray, const RayLimits& limits = {},
+                                 SimdLevel level = best_simd_level());
 
 /// Whether there is an occupied cell on the ray.
-bool is_occluded(const VoxelTree& tree, const VoxelRay& ray, const RayLimits& limits = {});
+bool is_occluded(const VoxelTree& tree, const VoxelRay& ray, const RayLimits& limits = {}, SimdLevel level = best_simd_level());
 
 /// What cast_ray finds for each ray, `depth` 0 where that is nothing. Faster than one by one.
 /// hits  [rays]
-void cast_rays(const VoxelTree& tree, std::span<const VoxelRay> rays, const RayLimits& limits, std::span<VoxelHit> hits);
+void cast_rays(const VoxelTree& tree, std::span<const VoxelRay> rays, const RayLimits& limits, std::span<VoxelHit> hits,
+               SimdLevel level = best_simd_level());
 
 /// The same for the rays of a tile, row by row. Tiles of 8 x 8 to 64 x 64 pixels are best.
 /// hits  [width * height]
-void cast_tile(const VoxelTree& tree, const VoxelTile& tile, const RayLimits& limits, std::span<VoxelHit> hits);
+void cast_tile(const VoxelTree& tree, const VoxelTile& tile, const RayLimits& limits, std::span<VoxelHit> hits,
+               SimdLevel level = best_simd_level());
+
+/// The same in a DAG: `level` and `node` of a hit are the DAG's, which has no attributes.
+std::optional<VoxelHit> cast_ray(const VoxelDag& dag, const VoxelRay& ray, const RayLimits& limits = {},
+                                 SimdLevel level = best_simd_level());
+bool is_occluded(const VoxelDag& dag, const VoxelRay& ray, const RayLimits& limits = {}, SimdLevel level = best_simd_level());
+void cast_rays(const VoxelDag& dag, std::span<const VoxelRay> rays, const RayLimits& limits, std::span<VoxelHit> hits,
+               SimdLevel level = best_simd_level());
+void cast_tile(const VoxelDag& dag, const VoxelTile& tile, const RayLimits& limits, std::span<VoxelHit> hits,
+               SimdLevel level = best_simd_level());
 
 }  // namespace strata

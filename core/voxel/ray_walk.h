@@ -27,54 +27,41 @@ struct RayEvent {
 
 inline bool operator<(const RayEvent& a, const RayEvent& b) { return a.t < b.t || (a.t == b.t && a.axis < b.axis); }
 
+// Four numbers at once: x, y, z and one that never counts.
+using Quad = double __attribute__((vector_size(32)));
+using IntQuad = int32_t __attribute__((vector_size(16)));
+
 /// A ray made ready to walk a cube of 4^levels voxels an axis.
 struct RayWalk {
     static constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-    std::array<double, 3> plane_origin, plane_scale;  // an axis that the ray does not move along: every plane at infinity
-    std::array<double, 3> place_origin, place_step;   // where it is
-    std::array<uint32_t, 3> forward;                  // all bits set where coordinates grow along the ray
-    std::array<bool, 3> still;
-    double place_error;  // place_origin + t * place_step is off by less, inside the cube
-    double t_scale;      // t here = t of the caller * t_scale, a power of 2
+    Quad plane_origin, plane_scale;  // of an axis that the ray does not move along every plane is at infinity
+    Quad place_origin, place_step;   // where it is; on such an axis in the middle of its voxel
+    IntQuad forward;                 // all bits set where coordinates grow along the ray
+    std::array<bool, 3> still;       // does not move along this axis
+    double place_error;              // place_origin + t * place_step is off by less, inside the cube
+    double t_scale;                  // t here = t of the caller * t_scale, a power of 2
     double start_t, most_t, spread, footprint;
     uint32_t side;
 
-    double plane_t(int axis, double plane) const { return (plane - plane_origin[size_t(axis)]) * plane_scale[size_t(axis)]; }
+    double plane_t(int axis, double plane) const { return (plane - plane_origin[axis]) * plane_scale[axis]; }
 
     /// Where the ray enters the cell of side 2^shift at coordinates in those units.
     RayEvent entry(const std::array<uint32_t, 3>& cell, int shift) const {
         RayEvent last = {-kInfinity, 0};
         for (int a = 0; a < 3; ++a) {
             if (still[size_t(a)]) continue;
-            const uint32_t plane = (cell[size_t(a)] + (forward[size_t(a)] ? 0 : 1)) << shift;
-            const RayEvent event = {plane_t(a, plane), a};
+            const RayEvent event = {plane_t(a, (cell[size_t(a)] + (forward[a] ? 0 : 1)) << shift), a};
             if (last < event) last = event;
         }
         return last;
     }
-    RayEvent exit(const std::array<uint32_t, 3>& cell, int shift) const {
-        RayEvent first = {kInfinity, 3};
-        for (int a = 0; a < 3; ++a) {
-            if (still[size_t(a)]) continue;
-            const uint32_t plane = (cell[size_t(a)] + (forward[size_t(a)] ? 1 : 0)) << shift;
-            const RayEvent event = {plane_t(a, plane), a};
-            if (event < first) first = event;
-        }
-        return first;
-    }
 
-    /// The coordinate after an event, known to be in [low, high].
-    uint32_t coordinate_after(int axis, const RayEvent& event, uint32_t low, uint32_t high) const {
-        const size_t a = size_t(axis);
-        if (still[a]) return std::clamp(uint32_t(place_origin[a]), low, high);
-        const double place = place_origin[a] + event.t * place_step[a];
-        const double below = std::floor(place);
-        if (place - below > place_error && below + 1.0 - place > place_error && below > -1e9 && below < 1e9)
-            return uint32_t(std::clamp(int64_t(below), int64_t(low), int64_t(high)));
-        // Too near a plane for the place to tell: the planes between are asked themselves.
+    /// The coordinate after an event, known to be in [low, high], by asking the planes between.
+    uint32_t coordinate_by_planes(int axis, const RayEvent& event, uint32_t low, uint32_t high) const {
+        if (still[size_t(axis)]) return uint32_t(place_origin[axis]);
         while (low < high) {
-            if (forward[a]) {
+            if (forward[axis]) {
                 const uint32_t middle = low + (high - low + 1) / 2;
                 if (RayEvent{plane_t(axis, middle), axis} < event) low = middle;
                 else high = middle - 1;
@@ -86,71 +73,89 @@ struct RayWalk {
         }
         return low;
     }
+
+    /// The same; by where the ray is at that t, where this can tell.
+    uint32_t coordinate_after(int axis, const RayEvent& event, uint32_t low, uint32_t high) const {
+        const double place = place_origin[axis] + event.t * place_step[axis];
+        if (place > low && place < high + 1.0) {
+            const auto whole = uint32_t(place);
+            const double part = place - whole;
+            if (part > place_error && part < 1.0 - place_error) return whole;
+        }
+        return coordinate_by_planes(axis, event, low, high);
+    }
 };
 
 /// returns  false where the ray hits nothing, whatever there is
 inline bool prepare_walk(const VoxelFrame& frame, const VoxelRay& ray, const RayLimits& limits, RayWalk& walk) {
-    if (!ray.origin.allFinite() || !ray.direction.allFinite()) return false;
-    const double longest = ray.direction.cwiseAbs().maxCoeff();
-    if (longest == 0.0) return false;
-    int exponent = 0;
-    if (longest < 0x1p-100 || longest > 0x1p100) exponent = std::ilogb(longest);  // t would overflow
+    const double longest = std::max({std::abs(ray.direction[0]), std::abs(ray.direction[1]), std::abs(ray.direction[2])});
+    double reach = 0.0;
+    bool finite = longest > 0.0 && longest < RayWalk::kInfinity;
+    for (int a = 0; a < 3; ++a) {
+        reach = std::max(reach, std::abs(ray.origin[a]));
+        finite = finite && std::abs(ray.origin[a]) < RayWalk::kInfinity && std::abs(ray.direction[a]) < RayWalk::kInfinity;
+    }
+    if (!finite) return false;
+    const int exponent = longest < 0x1p-100 || longest > 0x1p100 ? std::ilogb(longest) : 0;  // else t might overflow
     walk.side = frame.side();
-    double reach = walk.side;
-    for (int i = 0; i < 3; ++i) {
-        const size_t a = size_t(i);
-        const double step = exponent ? std::scalbn(ray.direction[i], -exponent) : ray.direction[i];
-        const double origin = ray.origin[i];
-        reach = std::max(reach, std::abs(origin));
-        walk.forward[a] = step > 0.0 ? ~uint32_t{0} : 0;
-        walk.still[a] =
-            std::abs(step) < 0x1p-900;  // would take longer to reach a plane than all the others, and its inverse might be infinite
-        if (walk.still[a]) {
-            walk.plane_origin[a] = -RayWalk::kInfinity;
-            walk.plane_scale[a] = 1.0;
-            walk.place_origin[a] = std::floor(origin);
-            walk.place_step[a] = 0.0;
-            if (!(origin >= 0.0 && origin < walk.side)) return false;
-        } else {
-            walk.plane_origin[a] = walk.place_origin[a] = origin;
-            walk.plane_scale[a] = 1.0 / step;
-            walk.place_step[a] = step;
-        }
+    reach = std::max(reach, double(walk.side));
+    walk.plane_origin[3] = -RayWalk::kInfinity;
+    walk.plane_scale[3] = 1.0;
+    walk.place_origin[3] = 0.5;
+    walk.place_step[3] = 0.0;
+    walk.forward[3] = 0;
+    for (int a = 0; a < 3; ++a) {
+        const double step = exponent ? std::scalbn(ray.direction[a], -exponent) : ray.direction[a];
+        const double origin = ray.origin[a];
+        walk.forward[a] = step > 0.0 ? -1 : 0;
+        // Would take longer to a plane than any other axis through all, and the inverse might be infinite.
+        const bool still = std::abs(step) < 0x1p-900;
+        walk.still[size_t(a)] = still;
+        if (still && !(origin >= 0.0 && origin < walk.side)) return false;
+        walk.plane_origin[a] = still ? -RayWalk::kInfinity : origin;
+        walk.plane_scale[a] = still ? 1.0 : 1.0 / step;
+        walk.place_origin[a] = still ? int32_t(origin) + 0.5 : origin;
+        walk.place_step[a] = still ? 0.0 : step;
     }
     // t is off by less than 3 roundings of 2^-53 of itself, so t * step by as much of |origin| + side, and two more roundings.
     walk.place_error = 2.0 * reach * 0x1p-50;
-    walk.t_scale = std::scalbn(1.0, exponent);
-    walk.start_t = std::max(0.0, std::isnan(limits.least_t) ? 0.0 : limits.least_t * walk.t_scale);
+    walk.t_scale = exponent ? std::scalbn(1.0, exponent) : 1.0;
+    walk.start_t = limits.least_t > 0.0 ? limits.least_t * walk.t_scale : 0.0;
     walk.most_t = limits.most_t * walk.t_scale;
     walk.spread = limits.spread / walk.t_scale;
     walk.footprint = limits.footprint;
     return true;
 }
 
-/// The start of a walk: the cell after an event.
+/// The start of a walk: the voxel after an event.
 struct WalkStart {
     RayEvent event;
-    std::array<uint32_t, 3> voxel = {};
+    IntQuad voxel = {};
 };
 
-/// Where the ray enters the cube, or starts in it. returns false where it does neither.
-inline bool enter_cube(const RayWalk& walk, WalkStart& start) {
-    RayEvent in = {-RayWalk::kInfinity, 0}, out = {RayWalk::kInfinity, 3};
+/// Where the ray enters the cube, or starts in it. returns  false where it does neither.
+/// axis, plane  the start lies no earlier than the crossing of this plane; axis 3: no such plane
+inline bool enter_cube(const RayWalk& walk, int axis, int32_t plane, WalkStart& start) {
+    RayEvent in = {walk.start_t, 3}, out = {RayWalk::kInfinity, 3};
+    if (axis < 3) {
+        const RayEvent given = {walk.plane_t(axis, plane), axis};
+        if (in < given) in = given;
+    }
     for (int a = 0; a < 3; ++a) {
         if (walk.still[size_t(a)]) continue;
-        const bool forward = walk.forward[size_t(a)] != 0;
-        const RayEvent enters = {walk.plane_t(a, forward ? 0.0 : walk.side), a}, leaves = {walk.plane_t(a, forward ? walk.side : 0.0), a};
-        if (in < enters) in = enters;
+        const RayEvent low = {walk.plane_t(a, 0.0), a}, high = {walk.plane_t(a, walk.side), a};
+        const RayEvent& enters = walk.forward[a] ? low : high;
+        const RayEvent& leaves = walk.forward[a] ? high : low;
+        if (in < enters) {
+            in = enters;
+            plane = walk.forward[a] ? 0 : int32_t(walk.side);
+        }
         if (leaves < out) out = leaves;
     }
-    if (!(walk.start_t < in.t)) in = {walk.start_t, 3};
     if (out < in || !(in.t <= walk.most_t)) return false;
     start.event = in;
-    for (int a = 0; a < 3; ++a) {
-        const size_t i = size_t(a);
-        if (a == in.axis) start.voxel[i] = walk.forward[i] ? 0 : walk.side - 1;
-        else start.voxel[i] = walk.coordinate_after(a, in, 0, walk.side - 1);
-    }
+    for (int a = 0; a < 3; ++a)
+        start.voxel[a] = a == in.axis ? plane + (walk.forward[a] ? 0 : -1) : int32_t(walk.coordinate_after(a, in, 0, walk.side - 1));
     return true;
 }
 
@@ -172,79 +177,139 @@ inline constexpr std::array<CellsAhead, 2> kCellsAhead = [] {
     return table;
 }();
 
-/// Walks from `start` to the first cell that stops the ray.
-/// Nodes  levels(), mask(level, node), full_mask(level, node), child(level, node, bit)
-/// returns  whether there is one
-template <class Nodes>
-bool walk_to_hit(const Nodes& nodes, const VoxelFrame& frame, const RayWalk& walk, const WalkStart& start, int most_depth, VoxelHit& hit) {
-    const bool octants_stop = most_depth % 2 != 0 || walk.spread > 0.0 || walk.footprint > 0.0;
-    const uint32_t signs = (walk.forward[0] & 4) | (walk.forward[1] & 2) | (walk.forward[2] & 1);
-    const std::array<uint64_t, 64>& ahead = kCellsAhead[octants_stop][signs];
-    std::array<uint32_t, 3> voxel = start.voxel;
-    RayEvent event = start.event;
-    std::array<uint32_t, kMostVoxelLevels> path;  // node of each level
-    path[0] = 0;
-    int level = 0;
-    const auto cell_of = [&](int shift) { return std::array<uint32_t, 3>{voxel[0] >> shift, voxel[1] >> shift, voxel[2] >> shift}; };
-    // The ray may have entered the cell before it came to where it is now.
-    const auto is_small = [&](int shift) {
-        const double cell_side = double(uint32_t{1} << shift);
-        if (!(cell_side <= walk.spread * event.t + walk.footprint)) return false;
-        return cell_side <= walk.spread * std::max(walk.start_t, walk.entry(cell_of(shift), shift).t) + walk.footprint;
+/// mask_bit of cells of side 2^shift.
+inline int bit_of(const IntQuad& voxel, int shift) {
+    const auto digit = [&](int a) {
+        const int two = voxel[a] >> shift & 3;
+        return (two & 2) << 2 | (two & 1);
     };
-    for (;;) {
-        const uint32_t node = path[size_t(level)];
-        const uint64_t mask = nodes.mask(level, node);
-        const int shift = 2 * (frame.levels - 1 - level);
-        const int bit = mask_bit(voxel[0] >> shift, voxel[1] >> shift, voxel[2] >> shift);
-        int empty_shift = shift;
-        int hit_shift = -1;
-        if ((mask >> (bit & 56) & 255) == 0) {
-            empty_shift = shift + 1;
-        } else if (most_depth <= 2 * level + 1 || is_small(shift + 1)) {
-            hit_shift = shift + 1;
-        } else if (mask >> bit & 1) {
-            if (most_depth <= 2 * level + 2 || is_small(shift)) {
-                hit_shift = shift;
-            } else if (nodes.full_mask(level, node) >> bit & 1) {
-                hit_shift = shift;
-                while (2 * frame.levels - hit_shift < most_depth && hit_shift > 0 && !is_small(hit_shift)) --hit_shift;
-            } else if (level + 1 == nodes.levels()) {
-                hit_shift = shift;
-            } else {
-                path[size_t(level) + 1] = nodes.child(level, node, bit);
-                ++level;
-                continue;
-            }
-        }
-        if (hit_shift >= 0) {
-            hit.cell = cell_of(hit_shift);
-            hit.depth = 2 * frame.levels - hit_shift;
-            hit.level = level;
-            hit.node = node;
-            hit.bit = bit;
-            const RayEvent in = walk.entry(hit.cell, hit_shift);
-            const bool inside = in.t < walk.start_t;
-            hit.t = (inside ? walk.start_t : in.t) / walk.t_scale;
-            hit.face = inside ? CellFace::inside : CellFace(2 * in.axis + (walk.forward[size_t(in.axis)] ? 0 : 1));
-            return true;
-        }
-        if ((mask & ahead[size_t(bit)]) == 0) empty_shift = shift + 2;
-        const std::array<uint32_t, 3> before = voxel;
-        const std::array<uint32_t, 3> cell = cell_of(empty_shift);
-        event = walk.exit(cell, empty_shift);
-        if (!(event.t <= walk.most_t)) return false;
-        uint32_t changed = 0;
-        for (int a = 0; a < 3; ++a) {
-            const size_t i = size_t(a);
-            const uint32_t low = cell[i] << empty_shift, high = low + ((uint32_t{1} << empty_shift) - 1);
-            if (a == event.axis) voxel[i] = walk.forward[i] ? high + 1 : low - 1;
-            else voxel[i] = walk.coordinate_after(a, event, low, high);
-            changed |= voxel[i] ^ before[i];
-        }
-        if (changed >= walk.side) return false;
-        level = std::min(level, frame.levels - 1 - (int(std::bit_width(changed)) - 1) / 2);
-    }
+    return digit(0) << 2 | digit(1) << 1 | digit(2);
 }
+
+/// Walks rays through nodes of 4^3 masks. Remembers the way to the node of the last ray: the next is near it.
+/// Nodes  levels(), mask(level, node), full_mask(level, node), child(level, node, bit)
+template <class Nodes>
+class VoxelWalker {
+public:
+    VoxelWalker(const Nodes& nodes, const VoxelFrame& frame, int most_depth)
+        : nodes_(nodes), levels_(frame.levels), node_levels_(nodes.levels()), most_depth_(std::clamp(most_depth, 1, frame.depth())) {}
+
+    /// The first cell that stops the ray. returns  whether there is one
+    bool walk_to_hit(const RayWalk& walk, const WalkStart& start, VoxelHit& hit) {
+        const bool shrinks = walk.spread > 0.0 || walk.footprint > 0.0;
+        const bool octants_stop = most_depth_ % 2 != 0 || shrinks;
+        const auto& ahead = kCellsAhead[octants_stop][size_t((walk.forward[0] & 4) | (walk.forward[1] & 2) | (walk.forward[2] & 1))];
+        const int32_t side = int32_t(walk.side);
+        const double most_part = 1.0 - walk.place_error;
+        IntQuad voxel = start.voxel;
+        double t = start.event.t;
+        int level = common_level(voxel, voxel_);
+        for (;;) {
+            const uint32_t node = path_[size_t(level)];
+            const uint64_t mask = nodes_.mask(level, node);
+            const int shift = 2 * (levels_ - 1 - level);
+            const int bit = bit_of(voxel, shift);
+            int empty_shift = shift;
+            if ((mask >> (bit & 56) & 255) == 0) {
+                empty_shift = shift + 1;
+            } else if (most_depth_ <= 2 * level + 1 || (shrinks && is_small(walk, voxel, shift + 1, t))) {
+                return stop(walk, voxel, shift + 1, level, node, bit, hit);
+            } else if (mask >> bit & 1) {
+                int hit_shift = -1;
+                if (most_depth_ <= 2 * level + 2 || (shrinks && is_small(walk, voxel, shift, t))) {
+                    hit_shift = shift;
+                } else if (nodes_.full_mask(level, node) >> bit & 1) {
+                    hit_shift = shift;
+                    while (2 * levels_ - hit_shift < most_depth_ && hit_shift > 0 && !(shrinks && is_small(walk, voxel, hit_shift, t)))
+                        --hit_shift;
+                } else if (level + 1 == node_levels_) {
+                    hit_shift = shift;
+                } else {
+                    path_[size_t(level) + 1] = nodes_.child(level, node, bit);
+                    ++level;
+                    continue;
+                }
+                return stop(walk, voxel, hit_shift, level, node, bit, hit);
+            }
+            if ((mask & ahead[size_t(bit)]) == 0) empty_shift = shift + 2;
+
+            // To the first plane of the empty cell that the ray crosses.
+            const int32_t size = int32_t(1) << empty_shift;
+            const IntQuad low = voxel & -size;
+            const IntQuad plane = low + (walk.forward & size);
+            const Quad ts = (__builtin_convertvector(plane, Quad) - walk.plane_origin) * walk.plane_scale;
+            const double tx = ts[0], ty = ts[1], tz = ts[2];
+            const double txy = tx <= ty ? tx : ty;
+            const int axis = txy <= tz ? (tx <= ty ? 0 : 1) : 2;
+            t = txy <= tz ? txy : tz;
+            if (!(t <= walk.most_t)) return miss(voxel, level);
+            // Along the other axes it is where it is at that t, unless that is too near a plane to tell.
+            const Quad low_place = __builtin_convertvector(low, Quad), high_place = low_place + double(size);
+            Quad place = walk.place_origin + t * walk.place_step;
+            place = place > low_place ? place : low_place;
+            place = place < high_place ? place : high_place;
+            const IntQuad whole = __builtin_convertvector(place, IntQuad);
+            const Quad part = place - __builtin_convertvector(whole, Quad);
+            const IntQuad lane = kLanes[size_t(axis)];
+            IntQuad next = lane ? plane + ~walk.forward : whole;
+            const auto unsure = [&](int a) { return axis != a && !(part[a] > walk.place_error && part[a] < most_part); };
+            if (unsure(0) || unsure(1) || unsure(2)) {
+                for (int a = 0; a < 3; ++a)
+                    if (a != axis)
+                        next[a] = int32_t(walk.coordinate_by_planes(a, {t, axis}, uint32_t(low[a]), uint32_t(low[a] + size - 1)));
+            }
+            const IntQuad before = voxel;
+            const uint32_t changed = uint32_t((before[0] ^ next[0]) | (before[1] ^ next[1]) | (before[2] ^ next[2]));
+            if (changed >= uint32_t(side)) return miss(before, level);
+            voxel = next;
+            level = std::min(level, levels_ - 1 - (int(std::bit_width(changed)) - 1) / 2);
+        }
+    }
+
+private:
+    static constexpr std::array<IntQuad, 3> kLanes = {IntQuad{-1, 0, 0, 0}, IntQuad{0, -1, 0, 0}, IntQuad{0, 0, -1, 0}};
+
+    // The lowest level whose node is on the way to both.
+    int common_level(const IntQuad& a, const IntQuad& b) const {
+        const uint32_t changed = uint32_t((a[0] ^ b[0]) | (a[1] ^ b[1]) | (a[2] ^ b[2]));
+        const int level = levels_ - 1 - (int(std::bit_width(changed | 1)) - 1) / 2;
+        return std::min(level, level_);
+    }
+    // The ray may have entered the cell before it came to where it is now.
+    bool is_small(const RayWalk& walk, const IntQuad& voxel, int shift, double t) const {
+        const double cell_side = double(uint32_t{1} << shift);
+        if (!(cell_side <= walk.spread * t + walk.footprint)) return false;
+        return cell_side <= walk.spread * std::max(walk.start_t, walk.entry(cell_of(voxel, shift), shift).t) + walk.footprint;
+    }
+    static std::array<uint32_t, 3> cell_of(const IntQuad& voxel, int shift) {
+        return {uint32_t(voxel[0]) >> shift, uint32_t(voxel[1]) >> shift, uint32_t(voxel[2]) >> shift};
+    }
+    bool miss(const IntQuad& voxel, int level) {
+        voxel_ = voxel;
+        level_ = level;
+        return false;
+    }
+    bool stop(const RayWalk& walk, const IntQuad& voxel, int shift, int level, uint32_t node, int bit, VoxelHit& hit) {
+        voxel_ = voxel;
+        level_ = level;
+        hit.cell = cell_of(voxel, shift);
+        hit.depth = 2 * levels_ - shift;
+        hit.level = level;
+        hit.node = node;
+        hit.bit = bit;
+        const RayEvent in = walk.entry(hit.cell, shift);
+        const bool inside = in.t < walk.start_t;
+        hit.t = (inside ? walk.start_t : in.t) / walk.t_scale;
+        hit.face = inside ? CellFace::inside : CellFace(2 * in.axis + (walk.forward[in.axis] ? 0 : 1));
+        return true;
+    }
+
+    const Nodes& nodes_;
+    int levels_, node_levels_, most_depth_;
+    // Nodes from the root to level_, those that hold voxel_.
+    std::array<uint32_t, kMostVoxelLevels> path_ = {};
+    int level_ = 0;
+    IntQuad voxel_ = {};
+};
 
 }  // namespace strata

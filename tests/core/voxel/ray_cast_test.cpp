@@ -588,10 +588,11 @@ TEST(RayCast, SpansAndTilesFindWhatSingleRaysFind) {
                 std::vector<VoxelRay> rays;
                 for (int y = 0; y < tile.height; ++y)
                     for (int x = 0; x < tile.width; ++x) rays.push_back(tile.ray(x, y));
-                cast_tile(tree, tile, limits, hits);
-                cast_rays(tree, rays, limits, of_span);
+                const SimdLevel level = simd_levels()[size_t(i) % simd_levels().size()];
+                cast_tile(tree, tile, limits, hits, level);
+                cast_rays(tree, rays, limits, of_span, level);
                 for (size_t k = 0; k < rays.size(); ++k) {
-                    const VoxelHit expected = cast_ray(tree, rays[k], limits).value_or(VoxelHit{});
+                    const VoxelHit expected = cast_ray(tree, rays[k], limits, SimdLevel::baseline).value_or(VoxelHit{});
                     ASSERT_EQ(hits[k], expected) << "tile " << i << " ray " << k << ", " << described(rays[k]);
                     ASSERT_EQ(of_span[k], expected) << "span " << i << " ray " << k << ", " << described(rays[k]);
                     hit_count += expected.depth > 0;
