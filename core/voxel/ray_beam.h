@@ -26,8 +26,8 @@ struct RayBeam {
 };
 
 /// The beam of rays. returns  false where they have no axis in common along which they move, or are too far away
-inline bool beam_of(std::span<const RayWalk* const> walks, RayBeam& beam) {
-    const RayWalk& first = *walks[0];
+inline bool beam_of(std::span<const RayWalk> walks, RayBeam& beam) {
+    const RayWalk& first = walks[0];
     int axis = 0;
     for (int a = 1; a < 3; ++a)
         if (std::abs(first.place_step[a]) > std::abs(first.place_step[axis])) axis = a;
@@ -38,14 +38,14 @@ inline bool beam_of(std::span<const RayWalk* const> walks, RayBeam& beam) {
     const double sign = beam.forward ? 1.0 : -1.0, base = beam.forward ? 0.0 : side;
     double error = 0.0;
     beam.begin = RayWalk::kInfinity;
-    for (const RayWalk* walk : walks) {
-        if ((walk->forward[axis] != 0) != beam.forward || walk->still[size_t(axis)]) return false;
-        const double along = std::abs(walk->place_step[axis]);
+    for (const RayWalk& walk : walks) {
+        if ((walk.forward[axis] != 0) != beam.forward || walk.still[size_t(axis)]) return false;
+        const double along = std::abs(walk.place_step[axis]);
         for (const int other : beam.others)
-            if (!(std::abs(walk->place_step[other]) <= 4.0 * along)) return false;
-        const double start = (walk->place_origin[axis] + walk->start_t * walk->place_step[axis] - base) * sign;
+            if (!(std::abs(walk.place_step[other]) <= 4.0 * along)) return false;
+        const double start = (walk.place_origin[axis] + walk.start_t * walk.place_step[axis] - base) * sign;
         beam.begin = std::min(beam.begin, start);
-        error = std::max(error, walk->place_error);
+        error = std::max(error, walk.place_error);
     }
     if (!(error < 0x1p-8)) return false;
     // Places are off by less than 5 roundings of 5 (|origin| + side), which place_error is 8 of.
@@ -54,14 +54,14 @@ inline bool beam_of(std::span<const RayWalk* const> walks, RayBeam& beam) {
     beam.least_place = beam.least_slope = {RayWalk::kInfinity, RayWalk::kInfinity};
     beam.most_place = beam.most_slope = {-RayWalk::kInfinity, -RayWalk::kInfinity};
     beam.most_begin_t = beam.most_t_slope = -RayWalk::kInfinity;
-    for (const RayWalk* walk : walks) {
-        const double inverse = walk->plane_scale[axis];
-        const double t = (base + sign * beam.begin - walk->place_origin[axis]) * inverse;
+    for (const RayWalk& walk : walks) {
+        const double inverse = walk.plane_scale[axis];
+        const double t = (base + sign * beam.begin - walk.place_origin[axis]) * inverse;
         beam.most_begin_t = std::max(beam.most_begin_t, t);
         beam.most_t_slope = std::max(beam.most_t_slope, std::abs(inverse));
         for (size_t i = 0; i < 2; ++i) {
-            const double place = walk->place_origin[beam.others[i]] + t * walk->place_step[beam.others[i]];
-            const double slope = walk->place_step[beam.others[i]] * std::abs(inverse);
+            const double place = walk.place_origin[beam.others[i]] + t * walk.place_step[beam.others[i]];
+            const double slope = walk.place_step[beam.others[i]] * std::abs(inverse);
             beam.least_place[i] = std::min(beam.least_place[i], place);
             beam.most_place[i] = std::max(beam.most_place[i], place);
             beam.least_slope[i] = std::min(beam.least_slope[i], slope);
@@ -152,7 +152,7 @@ private:
                 return;
             }
             if (cells == 0) continue;
-            if (last || most_depth_ == 2 * level + 2 || size <= width || (cells & nodes_.full_mask(level, node)) != 0) {
+            if (last || most_depth_ == 2 * level + 2 || 2 * size <= width || (cells & nodes_.full_mask(level, node)) != 0) {
                 best_ = near;
                 return;
             }

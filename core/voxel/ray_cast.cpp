@@ -35,7 +35,8 @@ bool cast(const Tree& tree, const VoxelRay& ray, const RayLimits& limits, VoxelH
     WalkStart start;
     if (tree.empty() || !prepare_walk(tree.frame, ray, limits, walk) || !enter_cube(walk, 3, 0, start)) return false;
     const NodesOf nodes(tree);
-    return VoxelWalker(nodes, tree.frame, limits.depth).walk_to_hit(walk, start, hit);
+    NodePath path;
+    return walk_to_hit(VoxelLook(nodes, tree.frame, limits), walk, start, path, hit);
 }
 
 // One ray, a span of rays and a tile, for each instruction set. The arithmetic is the same, and so are the hits.
@@ -52,36 +53,38 @@ bool cast_at(SimdLevel level, const Tree& tree, const VoxelRay& ray, const RayLi
     return level == SimdLevel::baseline ? cast_baseline(tree, ray, limits, hit) : cast_avx2(tree, ray, limits, hit);
 }
 
-template <class Tree>
-STRATA_KERNEL_BASELINE void span_baseline(const Tree& tree, Rays rays, const RayLimits& limits, Hits hits) {
-    cast_span(NodesOf(tree), tree.frame, rays, limits, hits);
+// What casts a span or a tile.
+template <class Tree, class Cast>
+void cast_groups(const Tree& tree, const RayLimits& limits, const Cast& cast) {
+    const NodesOf nodes(tree);
+    GroupCaster<NodesOf<Tree>> caster(nodes, tree.frame, limits);
+    cast(caster);
 }
-template <class Tree>
-STRATA_KERNEL_AVX2 void span_avx2(const Tree& tree, Rays rays, const RayLimits& limits, Hits hits) {
-    cast_span(NodesOf(tree), tree.frame, rays, limits, hits);
+template <class Tree, class Cast>
+STRATA_KERNEL_BASELINE void groups_baseline(const Tree& tree, const RayLimits& limits, const Cast& cast) {
+    cast_groups(tree, limits, cast);
 }
-template <class Tree>
-void span_at(SimdLevel level, const Tree& tree, Rays rays, const RayLimits& limits, Hits hits) {
-    assert(rays.size() == hits.size());
+template <class Tree, class Cast>
+STRATA_KERNEL_AVX2 void groups_avx2(const Tree& tree, const RayLimits& limits, const Cast& cast) {
+    cast_groups(tree, limits, cast);
+}
+template <class Tree, class Cast>
+void groups_at(SimdLevel level, const Tree& tree, const RayLimits& limits, Hits hits, const Cast& cast) {
     if (tree.empty()) std::fill(hits.begin(), hits.end(), VoxelHit{});
-    else if (level == SimdLevel::baseline) span_baseline(tree, rays, limits, hits);
-    else span_avx2(tree, rays, limits, hits);
+    else if (level == SimdLevel::baseline) groups_baseline(tree, limits, cast);
+    else groups_avx2(tree, limits, cast);
 }
 
 template <class Tree>
-STRATA_KERNEL_BASELINE void tile_baseline(const Tree& tree, const VoxelTile& tile, const RayLimits& limits, Hits hits) {
-    cast_tile_of(NodesOf(tree), tree.frame, tile, limits, hits);
+void span_at(SimdLevel level, const Tree& tree, Rays rays, const RayLimits& limits, Hits hits) {
+    assert(rays.size() == hits.size());
+    groups_at(level, tree, limits, hits, [&](auto& caster) { caster.cast_span(rays, hits); });
 }
-template <class Tree>
-STRATA_KERNEL_AVX2 void tile_avx2(const Tree& tree, const VoxelTile& tile, const RayLimits& limits, Hits hits) {
-    cast_tile_of(NodesOf(tree), tree.frame, tile, limits, hits);
-}
+
 template <class Tree>
 void tile_at(SimdLevel level, const Tree& tree, const VoxelTile& tile, const RayLimits& limits, Hits hits) {
     assert(hits.size() == size_t(tile.width) * size_t(tile.height));
-    if (tree.empty()) std::fill(hits.begin(), hits.end(), VoxelHit{});
-    else if (level == SimdLevel::baseline) tile_baseline(tree, tile, limits, hits);
-    else tile_avx2(tree, tile, limits, hits);
+    groups_at(level, tree, limits, hits, [&](auto& caster) { caster.cast_tile(tile, hits); });
 }
 
 }  // namespace

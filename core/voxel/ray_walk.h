@@ -178,138 +178,140 @@ inline constexpr std::array<CellsAhead, 2> kCellsAhead = [] {
 }();
 
 /// mask_bit of cells of side 2^shift.
-inline int bit_of(const IntQuad& voxel, int shift) {
-    const auto digit = [&](int a) {
+inline int bit_of(const std::array<int32_t, 3>& voxel, int shift) {
+    const auto digit = [&](size_t a) {
         const int two = voxel[a] >> shift & 3;
         return (two & 2) << 2 | (two & 1);
     };
     return digit(0) << 2 | digit(1) << 1 | digit(2);
 }
 
-/// Walks rays through nodes of 4^3 masks. Remembers the way to the node of the last ray: the next is near it.
+/// The way to a node: those from the root to `level`, and a voxel in it.
+struct NodePath {
+    std::array<uint32_t, kMostVoxelLevels> nodes = {};
+    int level = 0;
+    std::array<int32_t, 3> voxel = {};
+
+    /// Back to the lowest node that holds another voxel too. changed  the bits in which coordinates differ
+    void turn(int levels, uint32_t changed) { level = std::min(level, levels - 1 - (int(std::bit_width(changed | 1)) - 1) / 2); }
+    void turn_to(int levels, const IntQuad& to) {
+        turn(levels, uint32_t((voxel[0] ^ to[0]) | (voxel[1] ^ to[1]) | (voxel[2] ^ to[2])));
+        voxel = {to[0], to[1], to[2]};
+    }
+};
+
+/// What there is where a ray is.
 /// Nodes  levels(), mask(level, node), full_mask(level, node), child(level, node, bit)
 template <class Nodes>
-class VoxelWalker {
+class VoxelLook {
 public:
-    VoxelWalker(const Nodes& nodes, const VoxelFrame& frame, int most_depth)
-        : nodes_(nodes), levels_(frame.levels), node_levels_(nodes.levels()), most_depth_(std::clamp(most_depth, 1, frame.depth())) {}
+    VoxelLook(const Nodes& nodes, const VoxelFrame& frame, const RayLimits& limits)
+        : nodes_(nodes),
+          levels_(frame.levels),
+          node_levels_(nodes.levels()),
+          most_depth_(std::clamp(limits.depth, 1, frame.depth())),
+          pixels_stop_(limits.spread > 0.0 || limits.footprint > 0.0),
+          ahead_(kCellsAhead[most_depth_ % 2 != 0 || pixels_stop_]) {}
 
-    /// The first cell that stops the ray. returns  whether there is one
-    bool walk_to_hit(const RayWalk& walk, const WalkStart& start, VoxelHit& hit) {
-        const bool shrinks = walk.spread > 0.0 || walk.footprint > 0.0;
-        const bool octants_stop = most_depth_ % 2 != 0 || shrinks;
-        const auto& ahead = kCellsAhead[octants_stop][size_t((walk.forward[0] & 4) | (walk.forward[1] & 2) | (walk.forward[2] & 1))];
-        const int32_t side = int32_t(walk.side);
-        const double most_part = 1.0 - walk.place_error;
-        IntQuad voxel = start.voxel;
-        double t = start.event.t;
-        int level = common_level(voxel, voxel_);
+    int levels() const { return levels_; }
+
+    /// Goes down from the path's node to the smallest cell that is known at its voxel.
+    /// t  of the event by which the ray came to the voxel
+    /// returns  s where the ray may skip the empty cell of side 2^s, -1 where it is stopped: `hit`
+    int look(const RayWalk& walk, double t, NodePath& path, VoxelHit& hit) const {
+        const auto& ahead = ahead_[size_t((walk.forward[0] & 4) | (walk.forward[1] & 2) | (walk.forward[2] & 1))];
         for (;;) {
-            const uint32_t node = path_[size_t(level)];
+            const int level = path.level;
+            const uint32_t node = path.nodes[size_t(level)];
             const uint64_t mask = nodes_.mask(level, node);
             const int shift = 2 * (levels_ - 1 - level);
-            const int bit = bit_of(voxel, shift);
-            int empty_shift = shift;
-            if ((mask >> (bit & 56) & 255) == 0) {
-                empty_shift = shift + 1;
-            } else if (most_depth_ <= 2 * level + 1 || (shrinks && is_small(walk, voxel, shift + 1, t))) {
-                return stop(walk, voxel, shift + 1, level, node, bit, hit);
-            } else if (mask >> bit & 1) {
-                int hit_shift = -1;
-                if (most_depth_ <= 2 * level + 2 || (shrinks && is_small(walk, voxel, shift, t))) {
-                    hit_shift = shift;
-                } else if (nodes_.full_mask(level, node) >> bit & 1) {
-                    hit_shift = shift;
-                    while (2 * levels_ - hit_shift < most_depth_ && hit_shift > 0 && !(shrinks && is_small(walk, voxel, hit_shift, t)))
-                        --hit_shift;
-                } else if (level + 1 == node_levels_) {
-                    hit_shift = shift;
-                } else {
-                    path_[size_t(level) + 1] = nodes_.child(level, node, bit);
-                    ++level;
-                    continue;
-                }
-                return stop(walk, voxel, hit_shift, level, node, bit, hit);
+            const int bit = bit_of(path.voxel, shift);
+            if ((mask >> bit & 1) == 0) {
+                const bool octant = (mask >> (bit & 56) & 255) != 0;
+                if (octant && (most_depth_ <= 2 * level + 1 || (pixels_stop_ && is_small(walk, path, shift + 1, t))))
+                    return stop(walk, path, shift + 1, bit, hit);
+                return (mask & ahead[size_t(bit)]) == 0 ? shift + 2 : octant ? shift : shift + 1;
             }
-            if ((mask & ahead[size_t(bit)]) == 0) empty_shift = shift + 2;
-
-            // To the first plane of the empty cell that the ray crosses.
-            const int32_t size = int32_t(1) << empty_shift;
-            const IntQuad low = voxel & -size;
-            const IntQuad plane = low + (walk.forward & size);
-            const Quad ts = (__builtin_convertvector(plane, Quad) - walk.plane_origin) * walk.plane_scale;
-            const double tx = ts[0], ty = ts[1], tz = ts[2];
-            const double txy = tx <= ty ? tx : ty;
-            const int axis = txy <= tz ? (tx <= ty ? 0 : 1) : 2;
-            t = txy <= tz ? txy : tz;
-            if (!(t <= walk.most_t)) return miss(voxel, level);
-            // Along the other axes it is where it is at that t, unless that is too near a plane to tell.
-            const Quad low_place = __builtin_convertvector(low, Quad), high_place = low_place + double(size);
-            Quad place = walk.place_origin + t * walk.place_step;
-            place = place > low_place ? place : low_place;
-            place = place < high_place ? place : high_place;
-            const IntQuad whole = __builtin_convertvector(place, IntQuad);
-            const Quad part = place - __builtin_convertvector(whole, Quad);
-            const IntQuad lane = kLanes[size_t(axis)];
-            IntQuad next = lane ? plane + ~walk.forward : whole;
-            const auto unsure = [&](int a) { return axis != a && !(part[a] > walk.place_error && part[a] < most_part); };
-            if (unsure(0) || unsure(1) || unsure(2)) {
-                for (int a = 0; a < 3; ++a)
-                    if (a != axis)
-                        next[a] = int32_t(walk.coordinate_by_planes(a, {t, axis}, uint32_t(low[a]), uint32_t(low[a] + size - 1)));
+            if (most_depth_ <= 2 * level + 1 || (pixels_stop_ && is_small(walk, path, shift + 1, t)))
+                return stop(walk, path, shift + 1, bit, hit);
+            if (most_depth_ <= 2 * level + 2 || (pixels_stop_ && is_small(walk, path, shift, t))) return stop(walk, path, shift, bit, hit);
+            if (nodes_.full_mask(level, node) >> bit & 1) {
+                int part = shift;
+                while (2 * levels_ - part < most_depth_ && part > 0 && !(pixels_stop_ && is_small(walk, path, part, t))) --part;
+                return stop(walk, path, part, bit, hit);
             }
-            const IntQuad before = voxel;
-            const uint32_t changed = uint32_t((before[0] ^ next[0]) | (before[1] ^ next[1]) | (before[2] ^ next[2]));
-            if (changed >= uint32_t(side)) return miss(before, level);
-            voxel = next;
-            level = std::min(level, levels_ - 1 - (int(std::bit_width(changed)) - 1) / 2);
+            if (level + 1 == node_levels_) return stop(walk, path, shift, bit, hit);
+            path.nodes[size_t(level) + 1] = nodes_.child(level, node, bit);
+            path.level = level + 1;
         }
     }
 
 private:
-    static constexpr std::array<IntQuad, 3> kLanes = {IntQuad{-1, 0, 0, 0}, IntQuad{0, -1, 0, 0}, IntQuad{0, 0, -1, 0}};
-
-    // The lowest level whose node is on the way to both.
-    int common_level(const IntQuad& a, const IntQuad& b) const {
-        const uint32_t changed = uint32_t((a[0] ^ b[0]) | (a[1] ^ b[1]) | (a[2] ^ b[2]));
-        const int level = levels_ - 1 - (int(std::bit_width(changed | 1)) - 1) / 2;
-        return std::min(level, level_);
+    static std::array<uint32_t, 3> cell_of(const NodePath& path, int shift) {
+        return {uint32_t(path.voxel[0]) >> shift, uint32_t(path.voxel[1]) >> shift, uint32_t(path.voxel[2]) >> shift};
     }
     // The ray may have entered the cell before it came to where it is now.
-    bool is_small(const RayWalk& walk, const IntQuad& voxel, int shift, double t) const {
+    static bool is_small(const RayWalk& walk, const NodePath& path, int shift, double t) {
         const double cell_side = double(uint32_t{1} << shift);
         if (!(cell_side <= walk.spread * t + walk.footprint)) return false;
-        return cell_side <= walk.spread * std::max(walk.start_t, walk.entry(cell_of(voxel, shift), shift).t) + walk.footprint;
+        return cell_side <= walk.spread * std::max(walk.start_t, walk.entry(cell_of(path, shift), shift).t) + walk.footprint;
     }
-    static std::array<uint32_t, 3> cell_of(const IntQuad& voxel, int shift) {
-        return {uint32_t(voxel[0]) >> shift, uint32_t(voxel[1]) >> shift, uint32_t(voxel[2]) >> shift};
-    }
-    bool miss(const IntQuad& voxel, int level) {
-        voxel_ = voxel;
-        level_ = level;
-        return false;
-    }
-    bool stop(const RayWalk& walk, const IntQuad& voxel, int shift, int level, uint32_t node, int bit, VoxelHit& hit) {
-        voxel_ = voxel;
-        level_ = level;
-        hit.cell = cell_of(voxel, shift);
+    int stop(const RayWalk& walk, const NodePath& path, int shift, int bit, VoxelHit& hit) const {
+        hit.cell = cell_of(path, shift);
         hit.depth = 2 * levels_ - shift;
-        hit.level = level;
-        hit.node = node;
+        hit.level = path.level;
+        hit.node = path.nodes[size_t(path.level)];
         hit.bit = bit;
         const RayEvent in = walk.entry(hit.cell, shift);
         const bool inside = in.t < walk.start_t;
-        hit.t = (inside ? walk.start_t : in.t) / walk.t_scale;
+        hit.t = inside ? walk.start_t : in.t;
+        if (walk.t_scale != 1.0) hit.t /= walk.t_scale;
         hit.face = inside ? CellFace::inside : CellFace(2 * in.axis + (walk.forward[in.axis] ? 0 : 1));
-        return true;
+        return -1;
     }
 
     const Nodes& nodes_;
     int levels_, node_levels_, most_depth_;
-    // Nodes from the root to level_, those that hold voxel_.
-    std::array<uint32_t, kMostVoxelLevels> path_ = {};
-    int level_ = 0;
-    IntQuad voxel_ = {};
+    bool pixels_stop_;
+    const CellsAhead& ahead_;
 };
+
+/// The first cell that stops a ray. path  of any voxel, such as the last of a ray near it
+template <class Look>
+bool walk_to_hit(const Look& look, const RayWalk& walk, const WalkStart& start, NodePath& path, VoxelHit& hit) {
+    path.turn_to(look.levels(), start.voxel);
+    double t = start.event.t;
+    for (;;) {
+        const int shift = look.look(walk, t, path, hit);
+        if (shift < 0) return true;
+        // To the first plane of the empty cell that the ray crosses.
+        std::array<int32_t, 3> low, plane;
+        const int32_t size = int32_t(1) << shift;
+        int axis = 0;
+        t = RayWalk::kInfinity;
+        for (int a = 0; a < 3; ++a) {
+            low[size_t(a)] = path.voxel[size_t(a)] & -size;
+            plane[size_t(a)] = low[size_t(a)] + (walk.forward[a] & size);
+            const double plane_t = walk.plane_t(a, plane[size_t(a)]);
+            if (plane_t < t) {
+                t = plane_t;
+                axis = a;
+            }
+        }
+        if (!(t <= walk.most_t)) return false;
+        // Along the other axes it is where it is at that t.
+        uint32_t changed = 0;
+        for (int a = 0; a < 3; ++a) {
+            const size_t i = size_t(a);
+            const int32_t next = a == axis ? plane[i] + ~walk.forward[a]
+                                           : int32_t(walk.coordinate_after(a, {t, axis}, uint32_t(low[i]), uint32_t(low[i] + size - 1)));
+            changed |= uint32_t(path.voxel[i] ^ next);
+            low[i] = next;
+        }
+        if (changed >= walk.side) return false;
+        path.turn(look.levels(), changed);
+        path.voxel = low;
+    }
+}
 
 }  // namespace strata
