@@ -25,12 +25,18 @@ struct RayBeam {
     double margin;
 };
 
-/// The beam of rays. returns  false where they have no axis in common along which they move, or are too far away
-inline bool beam_of(std::span<const RayWalk> walks, RayBeam& beam) {
-    const RayWalk& first = walks[0];
+inline int main_axis(const RayWalk& walk) {
     int axis = 0;
     for (int a = 1; a < 3; ++a)
-        if (std::abs(first.place_step[a]) > std::abs(first.place_step[axis])) axis = a;
+        if (std::abs(walk.place_step[a]) > std::abs(walk.place_step[axis])) axis = a;
+    return axis;
+}
+
+/// The beam of rays, and of all that are within `rounding` of a place in between. returns  false where they have no axis in common along
+/// which they move, or are too far away
+inline bool beam_of(std::span<const RayWalk> walks, double rounding, RayBeam& beam) {
+    const RayWalk& first = walks[0];
+    const int axis = main_axis(first);
     const double side = first.side;
     beam.axis = axis;
     beam.others = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
@@ -49,7 +55,7 @@ inline bool beam_of(std::span<const RayWalk> walks, RayBeam& beam) {
     }
     if (!(error < 0x1p-8)) return false;
     // Places are off by less than 5 roundings of 5 (|origin| + side), which place_error is 8 of.
-    beam.margin = 16.0 * error;
+    beam.margin = 16.0 * error + rounding;
     beam.begin = std::max(0.0, beam.begin - beam.margin);
     beam.least_place = beam.least_slope = {RayWalk::kInfinity, RayWalk::kInfinity};
     beam.most_place = beam.most_slope = {-RayWalk::kInfinity, -RayWalk::kInfinity};
@@ -73,6 +79,32 @@ inline bool beam_of(std::span<const RayWalk> walks, RayBeam& beam) {
         beam.most_place[i] += beam.margin;
     }
     return true;
+}
+
+/// A beam around the rays of pixels [x0, x1] x [y0, y1] of a tile, by the four at its corners. returns  false where these do not tell
+inline bool beam_of(const VoxelTile& tile, int x0, int y0, int x1, int y1, const VoxelFrame& frame, const RayLimits& limits,
+                    RayBeam& beam) {
+    // Slopes of rays from one place, and places of rays in one direction, are extreme at corners.
+    const bool one_origin = tile.origin_per_x.isZero(0.0) && tile.origin_per_y.isZero(0.0);
+    const bool one_direction = tile.direction_per_x.isZero(0.0) && tile.direction_per_y.isZero(0.0);
+    if (!one_origin && !one_direction) return false;
+    std::array<RayWalk, 4> corners;
+    for (size_t i = 0; i < 4; ++i)
+        if (!prepare_walk(frame, tile.ray(i & 1 ? x1 : x0, i & 2 ? y1 : y0), limits, corners[i]) || corners[i].t_scale != 1.0) return false;
+    // Rays of pixels are sums that are rounded each for itself, by 2^-51 of their terms: so much may they lie outside, once that of a
+    // direction has become a place.
+    double reach = frame.side(), origins = 0.0, directions = 0.0, along = RayWalk::kInfinity;
+    for (int a = 0; a < 3; ++a) {
+        origins =
+            std::max(origins, std::abs(tile.first.origin[a]) + x1 * std::abs(tile.origin_per_x[a]) + y1 * std::abs(tile.origin_per_y[a]));
+        directions = std::max(directions, std::abs(tile.first.direction[a]) + x1 * std::abs(tile.direction_per_x[a]) +
+                                              y1 * std::abs(tile.direction_per_y[a]));
+    }
+    reach += origins;
+    const int axis = main_axis(corners[0]);
+    for (const RayWalk& walk : corners) along = std::min(along, std::abs(walk.place_step[axis]));
+    const double rounding = 0x1p-51 * 5.0 * (origins + directions / along * reach);
+    return rounding < 0x1p-8 && beam_of(corners, rounding, beam);
 }
 
 /// Bits of a mask whose coordinate along an axis is in a range: [axis][low][high].
@@ -126,7 +158,7 @@ private:
             if (near >= best_) return;
             const double u2 = near + size - beam_.begin;
             if (near + size <= from_ || u2 < 0.0) continue;
-            const double u1 = std::max(0.0, near - beam_.begin);
+            const double u1 = std::max(0.0, std::max(near, from_) - beam_.begin);
             uint64_t cells = mask & kCellRanges[axis][size_t(slab)][size_t(slab)];
             double width = 0.0;
             for (size_t i = 0; i < 2; ++i) {

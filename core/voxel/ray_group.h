@@ -10,7 +10,7 @@
 
 namespace strata {
 
-inline constexpr int kGroupSide = 4;  // pixels
+inline constexpr int kGroupSide = 4, kBlockSide = 16;  // pixels
 inline constexpr size_t kGroupRays = kGroupSide * kGroupSide;
 
 /// Casts rays in groups, which share the part of their way that is surely empty.
@@ -20,8 +20,60 @@ public:
     GroupCaster(const Nodes& nodes, const VoxelFrame& frame, const RayLimits& limits)
         : nodes_(nodes), frame_(frame), limits_(limits), look_(nodes, frame, limits) {}
 
-    /// At most kGroupRays. hits  [rays]
-    void cast(std::span<const VoxelRay> rays, std::span<VoxelHit> hits) {
+    void cast_span(std::span<const VoxelRay> rays, std::span<VoxelHit> hits) {
+        for (size_t i = 0; i < rays.size(); i += kGroupRays) {
+            const size_t count = std::min(kGroupRays, rays.size() - i);
+            cast_group(rays.subspan(i, count), {}, hits.subspan(i, count));
+        }
+    }
+
+    void cast_tile(const VoxelTile& tile, std::span<VoxelHit> hits) {
+        std::array<VoxelRay, kGroupRays> rays;
+        std::array<VoxelHit, kGroupRays> found;
+        const auto hit_at = [&](int x, int y) -> VoxelHit& { return hits[size_t(y) * size_t(tile.width) + size_t(x)]; };
+        for_blocks(0, 0, tile.width, tile.height, kBlockSide, [&](int bx0, int by0, int bx1, int by1) {
+            Empty empty;
+            RayBeam beam;
+            if (bx1 - bx0 > kGroupSide && beam_of(tile, bx0, by0, bx1 - 1, by1 - 1, frame_, limits_, beam))
+                empty = {beam.axis, beam.forward, search(beam, limits_.spread, 0)};
+            if (empty.until == int32_t(frame_.side())) {
+                for (int y = by0; y < by1; ++y)
+                    for (int x = bx0; x < bx1; ++x) hit_at(x, y) = {};
+                return;
+            }
+            for_blocks(bx0, by0, bx1, by1, kGroupSide, [&](int x0, int y0, int x1, int y1) {
+                size_t count = 0;
+                for (int y = y0; y < y1; ++y)
+                    for (int x = x0; x < x1; ++x) rays[count++] = tile.ray(x, y);
+                cast_group(std::span<const VoxelRay>(rays.data(), count), empty, std::span(found.data(), count));
+                count = 0;
+                for (int y = y0; y < y1; ++y)
+                    for (int x = x0; x < x1; ++x) hit_at(x, y) = found[count++];
+            });
+        });
+    }
+
+private:
+    // What is surely empty for some rays: all before a plane, counted from the side of the cube where rays along the axis come from.
+    struct Empty {
+        int axis = 3;  // 3: nothing known
+        bool forward = true;
+        int32_t until = 0;
+    };
+
+    // Calls visit(x0, y0, x1, y1) for squares that cover a rectangle.
+    template <class Visit>
+    static void for_blocks(int x0, int y0, int x1, int y1, int side, const Visit& visit) {
+        for (int y = y0; y < y1; y += side)
+            for (int x = x0; x < x1; x += side) visit(x, y, std::min(x + side, x1), std::min(y + side, y1));
+    }
+
+    int32_t search(const RayBeam& beam, double spread, int32_t from) const {
+        return BeamSearch(nodes_, frame_, limits_.depth, beam, spread, limits_.footprint).empty_until(from);
+    }
+
+    // At most kGroupRays.
+    void cast_group(std::span<const VoxelRay> rays, Empty empty, std::span<VoxelHit> hits) {
         size_t count = 0;
         for (size_t i = 0; i < rays.size(); ++i) {
             hits[i] = {};
@@ -29,47 +81,21 @@ public:
             hits_[count++] = &hits[i];
         }
         if (count == 0) return;
-        int axis = 3;
-        int32_t plane = 0;
+        const int32_t side = int32_t(frame_.side());
         RayBeam beam;
-        if (count > 1 && beam_of(std::span<const RayWalk>(walks_.data(), count), beam)) {
-            const int32_t side = int32_t(frame_.side());
-            double spread = 0.0;  // of the caller, in which directions may be long or short
+        if (count > 1 && beam_of(std::span<const RayWalk>(walks_.data(), count), 0.0, beam)) {
+            double spread = 0.0;  // scaled as t is, for each ray
             for (size_t i = 0; i < count; ++i) spread = std::max(spread, walks_[i].spread);
-            const int32_t empty = BeamSearch(nodes_, frame_, limits_.depth, beam, spread, limits_.footprint).empty_until(0);
-            if (empty == side) return;
-            axis = beam.axis;
-            plane = beam.forward ? empty : side - empty;
+            const bool continues = empty.axis == beam.axis && empty.forward == beam.forward;
+            empty = {beam.axis, beam.forward, search(beam, spread, continues ? empty.until : 0)};
+            if (empty.until == side) return;
         }
+        const int32_t plane = empty.forward ? empty.until : side - empty.until;
         WalkStart start;
         for (size_t i = 0; i < count; ++i)
-            if (enter_cube(walks_[i], axis, plane, start)) walk_to_hit(look_, walks_[i], start, path_, *hits_[i]);
+            if (enter_cube(walks_[i], empty.axis, plane, start)) walk_to_hit(look_, walks_[i], start, path_, *hits_[i]);
     }
 
-    void cast_span(std::span<const VoxelRay> rays, std::span<VoxelHit> hits) {
-        for (size_t i = 0; i < rays.size(); i += kGroupRays) {
-            const size_t count = std::min(kGroupRays, rays.size() - i);
-            cast(rays.subspan(i, count), hits.subspan(i, count));
-        }
-    }
-
-    void cast_tile(const VoxelTile& tile, std::span<VoxelHit> hits) {
-        std::array<VoxelRay, kGroupRays> rays;
-        std::array<VoxelHit, kGroupRays> found;
-        for (int y0 = 0; y0 < tile.height; y0 += kGroupSide)
-            for (int x0 = 0; x0 < tile.width; x0 += kGroupSide) {
-                const int x1 = std::min(x0 + kGroupSide, tile.width), y1 = std::min(y0 + kGroupSide, tile.height);
-                size_t count = 0;
-                for (int y = y0; y < y1; ++y)
-                    for (int x = x0; x < x1; ++x) rays[count++] = tile.ray(x, y);
-                cast(std::span<const VoxelRay>(rays.data(), count), std::span(found.data(), count));
-                count = 0;
-                for (int y = y0; y < y1; ++y)
-                    for (int x = x0; x < x1; ++x) hits[size_t(y) * size_t(tile.width) + size_t(x)] = found[count++];
-            }
-    }
-
-private:
     const Nodes& nodes_;
     const VoxelFrame& frame_;
     const RayLimits& limits_;

@@ -148,7 +148,8 @@ void for_tiles(int tile, const Draw& draw) {
 }
 
 void report(benchmark::State& state, const Model& m, int64_t hits) {
-    state.counters["Mrays/s"] = benchmark::Counter(double(kPixels) * kPixels * 1e-6 * double(state.iterations()), benchmark::Counter::kIsRate);
+    state.counters["Mrays/s"] =
+        benchmark::Counter(double(kPixels) * kPixels * 1e-6 * double(state.iterations()), benchmark::Counter::kIsRate);
     state.counters["hits"] = double(hits);
     state.counters["voxels"] = double(m.voxels);
 }
@@ -240,8 +241,8 @@ void rays_nanovdb(benchmark::State& state, const std::string& name, Peer peer) {
                 found += hit;
                 if (!compare) continue;
                 const auto ours = cast_ray(m.tree, ray);
-                agree += ours.has_value() == hit && (!hit || (int(ours->cell[0]) == voxel[0] && int(ours->cell[1]) == voxel[1] &&
-                                                              int(ours->cell[2]) == voxel[2]));
+                agree += ours.has_value() == hit &&
+                         (!hit || (int(ours->cell[0]) == voxel[0] && int(ours->cell[1]) == voxel[1] && int(ours->cell[2]) == voxel[2]));
             }
         hits += found;
         same += agree;
@@ -261,7 +262,8 @@ const bool kRegistered = [] {
         const auto add = [&](const std::string& kind, auto&& run) {
             benchmark::RegisterBenchmark(("rays/" + name + "/" + kind).c_str(), run)->Unit(benchmark::kMillisecond)->UseRealTime();
         };
-        for (const int tile : {8, 16, 32}) add("tiles_of_" + std::to_string(tile), [=](benchmark::State& s) { rays_tiles(s, name, tile, false); });
+        for (const int tile : {8, 16, 32})
+            add("tiles_of_" + std::to_string(tile), [=](benchmark::State& s) { rays_tiles(s, name, tile, false); });
         add("tiles_lod", [=](benchmark::State& s) { rays_tiles(s, name, kTile, true); });
         add("single", [=](benchmark::State& s) { rays_single(s, name); });
 #ifdef STRATA_HAS_NANOVDB
