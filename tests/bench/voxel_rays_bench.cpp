@@ -22,6 +22,7 @@
 #pragma GCC diagnostic ignored "-Wextra"
 #pragma GCC diagnostic ignored "-Wpedantic"
 #pragma GCC diagnostic ignored "-Wshadow"
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"  // in DDA, for axes that the ray does not move along
 #include <nanovdb/util/GridBuilder.h>
 #include <nanovdb/util/HDDA.h>
 #include <nanovdb/util/Ray.h>
