@@ -224,10 +224,10 @@ TEST(PointVoxels, OnlyWhatIsAskedFor) {
 }
 
 TEST(PointVoxels, NeitherThreadsNorMemoryShow) {
-    const ColoredSource source = random_cloud(200'000, 6);
+    const ColoredSource source = random_cloud(100'000, 6);
     for (const VoxelAttributes attributes : {VoxelAttributes{}, VoxelAttributes{.count = true}, kAll}) {
         const Voxels expected = voxelize(source, frame_of_random_cloud(), with(attributes, 1));
-        for (const int threads : {1, 2, 3, 7})
+        for (const int threads : attributes == kAll ? std::vector<int>{1, 2, 3, 7} : std::vector<int>{3})
             for (const uint64_t memory_bytes : {uint64_t{0}, uint64_t{1} << 18, uint64_t{1} << 21, uint64_t{1} << 30})
                 for (const bool scratch : {false, true}) {
                     MemoryScratch store;
