@@ -1,6 +1,5 @@
 #include "core/voxel/code_sort.h"
 
-#include <array>
 #include <bit>
 #include <utility>
 
@@ -30,7 +29,8 @@ bool CodeSort::pack() {
 
 // Least significant digit first, from lowest_bit up; digits that all share are passed over.
 std::span<uint64_t> CodeSort::radix_sort(int lowest_bit) {
-    constexpr int kDigitBits = 8, kBuckets = 1 << kDigitBits, kMostDigits = 64 / kDigitBits;
+    // Fewer passes are worth more than destinations that all fit into the nearest cache.
+    constexpr int kMostDigitBits = 11;
     std::span<uint64_t> from = std::span(words_).first(size_), to = std::span(other_).first(size_);
     constexpr size_t kSmall = 128;  // below, comparisons are quicker than histograms
     if (size_ < kSmall) {
@@ -41,17 +41,21 @@ std::span<uint64_t> CodeSort::radix_sort(int lowest_bit) {
     for (const uint64_t word : from) differing |= word ^ from[0];
     differing &= ~((uint64_t{1} << lowest_bit) - 1);
     if (differing == 0) return from;
-    const int lowest = std::countr_zero(differing), digits = (std::bit_width(differing) - lowest + kDigitBits - 1) / kDigitBits;
-    std::array<std::array<uint32_t, kBuckets>, kMostDigits> count{};
+    const int lowest = std::countr_zero(differing), bits = std::bit_width(differing) - lowest;
+    const int most_digit_bits = size_ < 4096 ? 8 : kMostDigitBits;
+    const int digits = (bits + most_digit_bits - 1) / most_digit_bits, digit_bits = (bits + digits - 1) / digits;
+    const uint64_t mask = (uint64_t{1} << digit_bits) - 1;
+    counts_.assign(size_t(digits) << digit_bits, 0);
     for (const uint64_t word : from)
-        for (int digit = 0; digit < digits; ++digit) ++count[size_t(digit)][word >> (lowest + kDigitBits * digit) & (kBuckets - 1)];
+        for (int digit = 0; digit < digits; ++digit)
+            ++counts_[size_t(digit) << digit_bits | (word >> (lowest + digit_bits * digit) & mask)];
     for (int digit = 0; digit < digits; ++digit) {
-        const int shift = lowest + kDigitBits * digit;
-        std::array<uint32_t, kBuckets>& start = count[size_t(digit)];
-        if (start[from[0] >> shift & (kBuckets - 1)] == size_) continue;
+        const int shift = lowest + digit_bits * digit;
+        uint32_t* const start = counts_.data() + (size_t(digit) << digit_bits);
+        if (start[from[0] >> shift & mask] == size_) continue;
         uint32_t sum = 0;
-        for (uint32_t& entry : start) sum += std::exchange(entry, sum);
-        for (const uint64_t word : from) to[start[word >> shift & (kBuckets - 1)]++] = word;
+        for (uint64_t i = 0; i <= mask; ++i) sum += std::exchange(start[i], sum);
+        for (const uint64_t word : from) to[start[word >> shift & mask]++] = word;
         std::swap(from, to);
     }
     return from;

@@ -43,6 +43,7 @@ private:
     size_t size_ = 0;
     int index_bits_ = 0;
     std::vector<uint64_t> words_, other_;
+    std::vector<uint32_t> counts_;  // of digits
 };
 
 }  // namespace strata
