@@ -144,6 +144,18 @@ struct VdbWriter::Grids {
     openvdb::MaskGrid::Ptr mask;
     openvdb::Int32Grid::Ptr count;
     openvdb::Vec3SGrid::Ptr color;
+    uint64_t bytes = 0, last_leaf = ~uint64_t{0};  // of leaves, which take nearly all; a leaf that is left and met again counts twice
+
+    void count_leaf(const VoxelBlock& block, bool with_count, bool with_color) {
+        if (block.height != 0 || block.code >> 3 == last_leaf) return;
+        last_leaf = block.code >> 3;
+        bytes += (mask ? sizeof(openvdb::MaskTree::LeafNodeType) : sizeof(openvdb::FloatTree::LeafNodeType) + 512 * sizeof(float)) +
+                 (with_count ? sizeof(openvdb::Int32Tree::LeafNodeType) + 512 * sizeof(int32_t) : 0) +
+                 (with_color ? sizeof(openvdb::Vec3STree::LeafNodeType) + 512 * sizeof(openvdb::Vec3f) : 0);
+        if (bytes > settings.memory_bytes)
+            throw Error(ErrorKind::limit, file.path() + ": its grids need more than " + std::to_string(bytes) + " bytes of memory, " +
+                                              std::to_string(settings.memory_bytes) + " are allowed; values of a mask need least");
+    }
 
     template <typename Grid>
     typename Grid::Ptr make(const char* name) const {
@@ -174,6 +186,7 @@ void VdbWriter::add(const VoxelBatch& batch) {
     if (!batch.colors.empty() && !grids.color) grids.color = grids.make<openvdb::Vec3SGrid>("color");
     size_t voxel = 0;
     for (const VoxelBlock& block : batch.blocks) {
+        grids.count_leaf(block, !batch.counts.empty(), !batch.colors.empty());
         if (grids.mask)
             put_block(grids.mask->tree(), block, true);
         else
@@ -290,10 +303,10 @@ VdbVoxels MeshLevelSet::voxels(double isovalue) const {
     return result;
 }
 
-uint64_t MeshLevelSet::write(const std::string& path, bool overwrite, const VdbWriteSettings& settings) const {
+uint64_t MeshLevelSet::write(const std::string& path, bool overwrite, const VdbWriteSettings& settings, Durability durability) const {
     OutputFile file(path, overwrite);
     grid_->grid->setSaveFloatAsHalf(settings.half);
-    return write_grids(file, {grid_->grid}, settings, Durability::synced);
+    return write_grids(file, {grid_->grid}, settings, durability);
 }
 
 }  // namespace strata
@@ -320,7 +333,7 @@ MeshLevelSet::MeshLevelSet(const TriangleMesh&, const LevelSetSettings&) { refus
 MeshLevelSet::~MeshLevelSet() = default;
 uint64_t MeshLevelSet::active_voxels() const { refuse(); }
 VdbVoxels MeshLevelSet::voxels(double) const { refuse(); }
-uint64_t MeshLevelSet::write(const std::string&, bool, const VdbWriteSettings&) const { refuse(); }
+uint64_t MeshLevelSet::write(const std::string&, bool, const VdbWriteSettings&, Durability) const { refuse(); }
 
 }  // namespace strata
 

@@ -22,6 +22,7 @@ struct VdbWriteSettings {
     bool as_mask = false;  // a mask grid, of 1 bit a voxel, in place of a fog volume of value 1
     bool half = false;     // 16 bits a value of fog volumes and level sets
     VdbCompression compression = VdbCompression::blosc;
+    uint64_t memory_bytes = std::numeric_limits<uint64_t>::max();  // of VdbWriter's grids
 };
 
 /// Writes voxels as a `.vdb` file: a grid "occupancy", and where batches have them "count" (int32) and "color" (vec3s, 0 to 1).
@@ -33,7 +34,7 @@ public:
     VdbWriter(const std::string& path, bool overwrite, const VoxelFrame& frame, const VdbWriteSettings& settings = {});
     ~VdbWriter();
 
-    /// Takes batches, in any order.
+    /// Takes batches, in any order. throws Error{limit}: the grids need more memory than allowed
     void add(const VoxelBatch& batch);
     /// Writes the file and gives it its name. Once. The same voxels give the same bytes.
     /// returns  bytes of the file
@@ -64,7 +65,7 @@ public:
     VdbVoxels voxels(double isovalue = 0.0) const;
     /// Writes it as a `.vdb` file with one grid, "surface".
     /// returns  bytes of the file
-    uint64_t write(const std::string& path, bool overwrite, const VdbWriteSettings& settings = {}) const;
+    uint64_t write(const std::string& path, bool overwrite, const VdbWriteSettings& settings = {}, Durability durability = Durability::synced) const;
 
 private:
     struct Grid;

@@ -12,7 +12,7 @@ void put_text(std::vector<std::byte>& out, const std::string& text, size_t size)
 
 std::vector<std::byte> bytes_of(const std::string& text) {
     std::vector<std::byte> bytes(text.size());
-    std::memcpy(bytes.data(), text.data(), text.size());
+    if (!text.empty()) std::memcpy(bytes.data(), text.data(), text.size());
     return bytes;
 }
 

@@ -125,6 +125,14 @@ TEST_F(Vdb, AnOutputIsWholeOrAbsent) {
     EXPECT_THROW(VdbWriter(path, false, kFrame), Error);
 }
 
+TEST_F(Vdb, MemoryIsCapped) {
+    for (const bool as_mask : {false, true}) {
+        VdbWriter writer(folder_.file("a.vdb"), false, kFrame, {.as_mask = as_mask, .memory_bytes = as_mask ? 2000u : 50'000u});
+        const std::string line = message_of([&] { writer.add(some_voxels()); }, ErrorKind::limit);
+        EXPECT_EQ(line.rfind(folder_.file("a.vdb") + ": its grids need more than ", 0), 0u) << line;
+    }
+}
+
 TEST_F(Vdb, TheHeaderSaysWhatIsThere) {
     VoxelBatch batch;
     batch.blocks = {{0, 0x8001, 0}, {9, 1, 0}};
