@@ -189,7 +189,7 @@ private:
         read_bytes(bytes_);
         if constexpr (is_truth<T>)
             for (size_t i = 0; i < out.size(); ++i) out[i] = T(bytes_[i] != std::byte{0});
-        else
+        else if (!out.empty())
             std::memcpy(out.data(), bytes_.data(), bytes_.size());
     }
 
