@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -14,6 +13,7 @@
 #include "io/format.h"
 #include "io/vdb/vdb_voxels.h"
 #include "io/vdb/vdb_writer.h"
+#include "tests/support/las_file.h"
 #include "tests/support/scan_files.h"
 #include "tests/support/temporary_folder.h"
 
@@ -211,9 +211,7 @@ TEST_F(Vdb, EveryTruncationIsRefused) {
     for (const bool as_mask : {false, true}) {
         const std::string path = write("a.vdb", some_voxels(), {.as_mask = as_mask}), bytes = test::file_contents(path);
         for (size_t size = 0; size < bytes.size(); size += size < 1500 ? 1 : 97) {
-            std::vector<std::byte> part(size);
-            std::memcpy(part.data(), bytes.data(), size);
-            EXPECT_THROW(read_vdb_voxels(*memory_source("part", part), {}), Error) << size;
+            EXPECT_THROW(read_vdb_voxels(*memory_source("part", test::bytes_of(bytes.substr(0, size))), {}), Error) << size;
         }
     }
 }
@@ -226,8 +224,7 @@ TEST_F(Vdb, FlippedBitsNeverCrash) {
             const std::string bytes = test::file_contents(write("a.vdb", some_voxels(), {.as_mask = as_mask, .compression = compression}));
             size_t refused = 0;
             for (int i = 0; i < 300; ++i) {
-                std::vector<std::byte> damaged(bytes.size());
-                std::memcpy(damaged.data(), bytes.data(), bytes.size());
+                std::vector<std::byte> damaged = test::bytes_of(bytes);
                 damaged[random() % (i % 2 ? bytes.size() : 1500)] ^= std::byte(1 << random() % 8);
                 try {
                     tree_of(read_vdb_voxels(*memory_source("damaged", damaged), {.memory_bytes = 100 << 20}));
