@@ -57,7 +57,8 @@ void add_attribute(ordered_json& report, const char* name, const char* type, int
 ordered_json voxel_report(const std::string& path, const Format& format, bool exact, int threads) {
     const SvoFile file = open_svo(path);
     const VoxelFrame& frame = file.frame();
-    const int levels = exact ? frame.levels : file.levels_within(kBoundsBytes, false);
+    const bool dag = file.dag() != nullptr;  // then all of it was checked when it was opened
+    const int levels = exact && !dag ? frame.levels : file.levels_within(kBoundsBytes, false);
     const VoxelTree tree = file.load(levels, exact, threads);
     uint64_t nodes = 0;
     ordered_json rows = ordered_json::array();
@@ -68,9 +69,10 @@ ordered_json voxel_report(const std::string& path, const Format& format, bool ex
     }
     ordered_json report = {{"path", path},
                            {"format", format.name},
-                           {"detail", "strata voxels, version 1" + (file.labels().kind.empty() ? "" : ": " + file.labels().kind)},
+                           {"detail", "strata voxels, version 1" + (file.labels().kind.empty() ? "" : ": " + file.labels().kind) + (dag ? ", as a DAG" : "")},
                            {"voxels", file.voxels()},
                            {"nodes", nodes},
+                           {"layout", dag ? "dag" : "tree"},
                            {"bytes", file.size_bytes()},
                            {"bytes_per_voxel", file.voxels() > 0 ? ordered_json(double(file.size_bytes()) / double(file.voxels())) : ordered_json()},
                            {"levels", frame.levels},
@@ -89,6 +91,11 @@ ordered_json voxel_report(const std::string& path, const Format& format, bool ex
     if (attributes.normal) add_attribute(report, "normal", "int8", 3);
     if (attributes.count) add_attribute(report, "count", "uint32", 1);
     if (attributes.opacity) add_attribute(report, "opacity", "uint8", 3);
+    if (dag) {
+        uint64_t different = 0;
+        for (const DagLevel& level : file.dag()->levels) different += level.masks.size();
+        report["dag_nodes"] = different;
+    }
     if (exact) report["valid"] = true;  // else loading has thrown
     return report;
 }

@@ -1,4 +1,4 @@
-// What strata voxelize makes voxels of: meshes and points.
+// What strata voxelize makes voxels of: meshes, points and grids.
 #include "app/commands/voxel_input.h"
 
 #include <Eigen/Geometry>
@@ -17,6 +17,8 @@
 #include "io/format.h"
 #include "io/mesh/mesh_reader.h"
 #include "io/scratch_file.h"
+#include "io/vdb/vdb_voxels.h"
+#include "io/vdb/vdb_writer.h"
 
 namespace strata {
 namespace {
@@ -29,21 +31,34 @@ Error wrong_kind(const VoxelRequest& request, const std::string& expected) {
     return {ErrorKind::usage, "--kind: expected " + expected + ", got '" + request.kind + "'"};
 }
 
+struct ReadMesh {
+    TriangleMesh mesh;
+    Box3d box;  // of its triangles
+    std::vector<std::string> notes;
+};
+
+ReadMesh read_triangles(const std::string& path, uint64_t memory_bytes) {
+    ReadMesh read;
+    MeshReport report;
+    read.mesh = read_mesh(path, {.most_bytes = memory_bytes, .triangles_needed = true}, &report);
+    read.notes = std::move(report.notes);
+    for (const std::array<uint32_t, 3>& triangle : read.mesh.triangles)
+        for (const uint32_t vertex : triangle) read.box.extend(read.mesh.positions[vertex]);
+    return read;
+}
+
 class MeshInput : public VoxelInput {
 public:
-    MeshInput(const std::string& path, const VoxelRequest& request) : request_(request), kind_(request.kind.empty() ? "conservative" : request.kind) {
-        constexpr std::array kKinds = {std::pair("conservative", VoxelKind::conservative), std::pair("thin", VoxelKind::thin)};
+    MeshInput(const std::string& path, const VoxelRequest& request) : kind_(request.kind.empty() ? "conservative" : request.kind) {
+        constexpr std::array kKinds = {std::pair("conservative", VoxelKind::conservative), std::pair("thin", VoxelKind::thin), std::pair("solid", VoxelKind::solid)};
         const auto* const found = std::find_if(kKinds.begin(), kKinds.end(), [&](const auto& row) { return row.first == kind_; });
-        if (found == kKinds.end()) throw wrong_kind(request, "conservative or thin for a mesh");
+        if (found == kKinds.end()) throw wrong_kind(request, "conservative, thin, solid or level-set for a mesh");
         settings_.kind = found->second;
         if (request.attributes) attributes_ = *request.attributes;
         if (attributes_.any_of_voxels()) throw Error(ErrorKind::usage, "--attributes: voxels of a mesh have opacity only");
-        MeshReport report;
-        mesh_ = read_mesh(path, {.most_bytes = request.memory_bytes, .triangles_needed = true}, &report);
-        notes = report.notes;
-        Box3d box;
-        for (const std::array<uint32_t, 3>& triangle : mesh_.triangles)
-            for (const uint32_t vertex : triangle) box.extend(mesh_.positions[vertex]);
+        auto [mesh, box, remarks] = read_triangles(path, request.memory_bytes);
+        mesh_ = std::move(mesh);
+        notes = std::move(remarks);
         frame_ = frame_of(box, request);
         settings_.threads = request.threads;
         settings_.memory_bytes = request.memory_bytes - std::min(request.memory_bytes, mesh_.size_bytes());
@@ -71,12 +86,64 @@ public:
     }
 
 private:
-    VoxelRequest request_;
     std::string kind_;
     TriangleMesh mesh_;
     VoxelFrame frame_;
     VoxelAttributes attributes_;
     MeshVoxelSettings settings_;
+};
+
+/// Occupied points of a grid, which lie where the grid says.
+class GridInput : public VoxelInput {
+public:
+    GridInput(const std::string& path, const VoxelRequest& request)
+        : voxels_(read_vdb_voxels(path, {.grid = request.grid, .isovalue = request.isovalue, .memory_bytes = request.memory_bytes})) {
+        if (!request.not_for_grids.empty()) throw Error(ErrorKind::usage, request.not_for_grids + ": the voxels of a .vdb file are as they are");
+        kind_ = voxels_.grid.grid_class == "level set" ? "level-set" : "grid";
+    }
+
+    const std::string& kind() const override { return kind_; }
+    const VoxelFrame& frame() const override { return voxels_.frame; }
+    const VoxelAttributes& attributes() const override { return attributes_; }
+    bool voxelize(const VoxelSink& sink, ProgressLine&) override {
+        voxels_.voxels.emit(sink);
+        return true;
+    }
+
+private:
+    VdbVoxels voxels_;
+    std::string kind_;
+    VoxelAttributes attributes_;
+};
+
+/// The inside of a level set that OpenVDB makes of a mesh.
+class LevelSetInput : public VoxelInput {
+public:
+    LevelSetInput(const std::string& path, const VoxelRequest& request) {
+        if (request.attributes) attributes_ = *request.attributes;
+        if (attributes_.any_of_voxels()) throw Error(ErrorKind::usage, "--attributes: voxels of a level set have opacity only");
+        const auto [mesh, box, remarks] = read_triangles(path, request.memory_bytes);
+        notes = remarks;
+        const double voxel_size = frame_of(box, request).voxel_size;
+        level_set_ = std::make_unique<MeshLevelSet>(mesh, LevelSetSettings{.voxel_size = voxel_size, .memory_bytes = request.memory_bytes, .threads = request.threads});
+        voxels_ = level_set_->voxels();
+    }
+
+    const std::string& kind() const override { return kind_; }
+    const VoxelFrame& frame() const override { return voxels_.frame; }
+    const VoxelAttributes& attributes() const override { return attributes_; }
+    bool voxelize(const VoxelSink& sink, ProgressLine&) override {
+        voxels_.voxels.emit(sink);
+        return true;
+    }
+
+    uint64_t write_own_grid(const std::string& path, bool overwrite) override { return level_set_->write(path, overwrite); }
+
+private:
+    std::unique_ptr<MeshLevelSet> level_set_;
+    VdbVoxels voxels_;
+    std::string kind_ = "level-set";
+    VoxelAttributes attributes_;
 };
 
 class PointsInput : public VoxelInput {
@@ -128,9 +195,12 @@ private:
 }  // namespace
 
 std::unique_ptr<VoxelInput> open_voxel_input(std::span<const std::string> words, const VoxelRequest& request) {
-    if (words.size() == 1) {
-        const bool data_set = std::filesystem::is_directory(words[0]);
-        if (!data_set && identify_format(words[0]).kind == FormatKind::mesh) return std::make_unique<MeshInput>(words[0], request);
+    if (words.size() == 1 && !std::filesystem::is_directory(words[0])) {
+        const FormatKind kind = identify_format(words[0]).kind;
+        if (kind == FormatKind::grids) return std::make_unique<GridInput>(words[0], request);
+        if (!request.for_grids.empty()) throw Error(ErrorKind::usage, request.for_grids + ": " + words[0] + " is no .vdb file");
+        if (kind == FormatKind::mesh && request.kind == "level-set") return std::make_unique<LevelSetInput>(words[0], request);
+        if (kind == FormatKind::mesh) return std::make_unique<MeshInput>(words[0], request);
     }
     return std::make_unique<PointsInput>(words, request);
 }

@@ -15,10 +15,13 @@ namespace strata {
 
 /// What the words of `strata voxelize` say of any input.
 struct VoxelRequest {
-    std::string kind;                           // "solid", "conservative", "thin", "points"; empty: what suits the input
+    std::string kind;                           // "solid", "conservative", "thin", "level-set", "points"; empty: what suits the input
     std::optional<uint32_t> resolution;         // voxels along the longest side; none: voxel_size
     double voxel_size = 0.0;                    // world units
     std::optional<VoxelAttributes> attributes;  // none: what suits the input
+    std::string grid;                           // of a .vdb file; empty: the first
+    std::optional<double> isovalue;
+    std::string for_grids, not_for_grids;       // flags that were given and are for .vdb files only, or not for them; empty: none
     std::string scratch_folder;
     int threads = 1;
     uint64_t memory_bytes = 0;
@@ -39,12 +42,16 @@ public:
     /// Hands all voxels out. A second time, with a frame that holds more, where it gives false: then the bounds of the file were wrong.
     virtual bool voxelize(const VoxelSink& sink, ProgressLine& progress) = 0;
 
+    /// Writes the input's own grid as a `.vdb` file, where it has one: then nothing is lost on the way through voxels.
+    /// returns  bytes; 0: there is none
+    virtual uint64_t write_own_grid(const std::string& /*path*/, bool /*overwrite*/) { return 0; }
+
     /// What was odd; a line each.
     std::vector<std::string> notes;
     uint64_t points_read = 0, scratch_bytes = 0;
 };
 
-/// Opens a mesh, or files of points.
+/// Opens a mesh, a grid, or files of points.
 /// throws  Error{usage}: what the request asks for is not for such an input; and what reading throws
 std::unique_ptr<VoxelInput> open_voxel_input(std::span<const std::string> words, const VoxelRequest& request);
 

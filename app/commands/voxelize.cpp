@@ -1,4 +1,5 @@
-// strata voxelize: meshes and points to sparse voxel octrees.
+// strata voxelize: meshes, points and grids to sparse voxel octrees and OpenVDB files.
+#include <bit>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -7,12 +8,11 @@
 #include "app/commands/commands.h"
 #include "app/commands/spared_inputs.h"
 #include "app/commands/voxel_input.h"
+#include "app/commands/voxel_output.h"
 #include "app/peak_memory.h"
 #include "app/quantity_text.h"
 #include "core/error.h"
-#include "core/voxel/voxel_tree_builder.h"
 #include "io/scratch_file.h"
-#include "io/svo/svo_writer.h"
 
 namespace strata {
 namespace {
@@ -22,11 +22,14 @@ namespace fs = std::filesystem;
 constexpr int64_t kMostResolution = int64_t{1} << 2 * kMostVoxelLevels;
 
 constexpr OptionRow kRows[] = {
-    {"--output", "-o", "OUT.svo", "", "the voxel file to write"},
+    {"--output", "-o", "OUT", "", "the file to write: .svo, an octree, or .vdb, a grid of OpenVDB"},
     {"--resolution", "-r", "N", "1024", "voxels along the longest side, 1 to 1048576"},
     {"--voxel-size", "-s", "UNITS", "", "side of a voxel, CRS units, instead of --resolution; faces of voxels lie on its multiples"},
-    {"--kind", "-k", "KIND", "", "of a mesh: conservative (each voxel that the surface touches; the default), thin (a layer that no path through faces of voxels crosses); points: voxels that hold points"},
-    {"--attributes", "-a", "LIST", "", "what voxels know beside: color, normal, count (of points), opacity (of coarser cells, for shadows and cones), or none, with commas; default: the color that points have"},
+    {"--kind", "-k", "KIND", "", "of a mesh: conservative (each voxel that the surface touches; the default), thin (a layer that no path through faces of voxels crosses), solid (voxels whose center is inside), level-set (OpenVDB's signed distance, whose inside is occupied); of points: points (voxels that hold some)"},
+    {"--dag", "", "", "", "store identical subtrees once: what is occupied, in a fraction of the bytes; needs memory for the whole tree"},
+    {"--attributes", "-a", "LIST", "", "what voxels know beside: color, normal, count (of points), opacity (of coarser cells, for shadows and cones), or none, with commas; default: the color that points have, and none with --dag"},
+    {"--grid", "", "NAME", "", "of a .vdb file: the grid of that name; default: the first that can be read"},
+    {"--isovalue", "", "V", "0", "of a .vdb file: a level set is occupied where it is at most V, a fog volume where it is active and above V"},
     {"--no-sync", "", "", "", "do not wait until the output is on the disk; a power cut may lose it"},
     shared_option::kMemory,
     shared_option::kThreads,
@@ -64,6 +67,13 @@ VoxelRequest request_of(const Options& options, const std::string& output) {
         request.resolution = uint32_t(options.integer("--resolution", 1, kMostResolution));
     }
     if (options.given("--attributes")) request.attributes = parse_attributes(options.text("--attributes"));
+    else if (options.given("--dag")) request.attributes = VoxelAttributes{};
+    for (const char* const flag : {"--resolution", "--voxel-size", "--kind", "--attributes"})
+        if (options.given(flag)) request.not_for_grids = flag;
+    for (const char* const flag : {"--grid", "--isovalue"})
+        if (options.given(flag)) request.for_grids = flag;
+    request.grid = options.text("--grid");
+    if (options.given("--isovalue")) request.isovalue = options.number("--isovalue");
     return request;
 }
 
@@ -73,69 +83,65 @@ void check_disk(const std::string& output, const std::string& folder, uint64_t n
         throw Error(ErrorKind::io, output + ": about " + size_text(needed) + " of disk are needed, " + size_text(free) + " are free");
 }
 
-struct Written {
-    VoxelTreeCounts counts;
-    uint64_t bytes = 0;
-};
-
-Written write_voxels(const std::string& output, const Options& options, VoxelInput& input, ProgressLine& progress) {
-    for (bool again = false;; again = true) {
-        SvoWriter writer(output, options.given("--overwrite"), input.frame(), {input.kind(), input.crs()});
-        VoxelTreeBuilder builder(input.frame(), input.attributes(), writer);
-        if (!input.voxelize([&](const VoxelBatch& batch) { builder.add(batch); }, progress)) {
-            if (again) throw Error(ErrorKind::malformed, "points lie outside of their own bounds");
-            continue;
+VoxelOutputReport write_voxels(const VoxelOutputRequest& request, VoxelInput& input, ProgressLine& progress) {
+    if (request.path.ends_with(".vdb"))
+        if (const uint64_t bytes = input.write_own_grid(request.path, request.overwrite); bytes > 0) {
+            VoxelOutputReport report = {.bytes = bytes};
+            input.voxelize([&](const VoxelBatch& batch) {
+                for (const VoxelBlock& block : batch.blocks) report.voxels += uint64_t(std::popcount(block.mask)) << 6 * block.height;
+            }, progress);
+            return report;
         }
-        Written written = {.counts = builder.finish()};
-        if (written.counts.voxels == 0) input.notes.push_back("there are no voxels: nothing lies inside");
-        written.bytes = writer.commit(written.counts.voxels, options.given("--no-sync") ? Durability::unsynced : Durability::synced);
-        return written;
+    for (bool again = false;; again = true) {
+        const std::unique_ptr<VoxelOutput> output = make_voxel_output(request, input.frame(), input.attributes(), {input.kind(), input.crs()});
+        if (input.voxelize([&](const VoxelBatch& batch) { output->add(batch); }, progress)) return output->commit();
+        if (again) throw Error(ErrorKind::malformed, "points lie outside of their own bounds");
     }
 }
 
+nlohmann::ordered_json report_json(const VoxelOutputReport& written, const VoxelInput& input, double seconds) {
+    const VoxelFrame& frame = input.frame();
+    nlohmann::ordered_json report = {{"voxels", written.voxels}, {"nodes", written.nodes}, {"levels", frame.levels}, {"kind", input.kind()}};
+    if (written.dag_nodes > 0) report["dag_nodes"] = written.dag_nodes;
+    report.update({{"voxel_size", frame.voxel_size},
+                   {"origin", {frame.origin.x(), frame.origin.y(), frame.origin.z()}},
+                   {"points_read", input.points_read},
+                   {"seconds", seconds},
+                   {"peak_memory_bytes", peak_memory_bytes()},
+                   {"temporary_bytes", input.scratch_bytes},
+                   {"output_bytes", written.bytes},
+                   {"notes", input.notes}});
+    return report;
+}
+
+void print_summary(const std::string& path, const VoxelOutputReport& written, double voxel_size, double seconds) {
+    std::fprintf(stderr, "%s: %s voxels of %.6g, %s", path.c_str(), with_commas(written.voxels).c_str(), voxel_size, size_text(written.bytes).c_str());
+    if (written.voxels > 0) std::fprintf(stderr, " (%.3g bytes a voxel)", double(written.bytes) / double(written.voxels));
+    if (written.dag_nodes > 0) std::fprintf(stderr, ", %s nodes of %s differ", with_commas(written.dag_nodes).c_str(), with_commas(written.nodes).c_str());
+    std::fprintf(stderr, ", %.1f s", seconds);
+    if (seconds >= 0.5) std::fprintf(stderr, " (%.1f M voxels/s)", double(written.voxels) / seconds / 1e6);
+    std::fputc('\n', stderr);
+}
+
 int run(const Options& options) {
-    const std::string output = options.text("--output");
-    if (output.empty()) throw Error(ErrorKind::usage, "voxelize: --output OUT.svo is expected");
-    if (!output.ends_with(".svo")) throw Error(ErrorKind::usage, output + ": a name that ends in .svo is expected");
+    const VoxelOutputRequest output = voxel_output_request(options);
     const bool json = options.given("--json"), quiet = options.given("--quiet") || json;
-    const VoxelRequest request = request_of(options, output);
-    check_inputs_spared(output, options.positional);
-    check_output_path(output, options.given("--overwrite"));
+    const VoxelRequest request = request_of(options, output.path);
+    check_inputs_spared(output.path, options.positional);
+    check_output_path(output.path, output.overwrite);
 
     const auto start = std::chrono::steady_clock::now();
     ProgressLine progress(quiet);
     const std::unique_ptr<VoxelInput> input = open_voxel_input(options.positional, request);
-    check_disk(output, request.scratch_folder, input->estimated_bytes());
-    const auto [counts, bytes] = write_voxels(output, options, *input, progress);
+    check_disk(output.path, request.scratch_folder, input->estimated_bytes());
+    const VoxelOutputReport written = write_voxels(output, *input, progress);
     progress.clear();
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    if (written.voxels == 0) input->notes.push_back("there are no voxels: nothing lies inside");
     for (const std::string& note : input->notes)
         if (!quiet) std::fprintf(stderr, "note: %s\n", note.c_str());
-
-    uint64_t nodes = 0;
-    for (const uint64_t level : counts.nodes) nodes += level;
-    const VoxelFrame& frame = input->frame();
-    if (json) {
-        const nlohmann::ordered_json report = {{"voxels", counts.voxels},
-                                               {"nodes", nodes},
-                                               {"levels", frame.levels},
-                                               {"kind", input->kind()},
-                                               {"voxel_size", frame.voxel_size},
-                                               {"origin", {frame.origin.x(), frame.origin.y(), frame.origin.z()}},
-                                               {"points_read", input->points_read},
-                                               {"seconds", seconds},
-                                               {"peak_memory_bytes", peak_memory_bytes()},
-                                               {"temporary_bytes", input->scratch_bytes},
-                                               {"output_bytes", bytes},
-                                               {"notes", input->notes}};
-        std::printf("%s\n", report.dump(2).c_str());
-    } else if (!quiet) {
-        std::fprintf(stderr, "%s: %s voxels of %.6g, %s", output.c_str(), with_commas(counts.voxels).c_str(), frame.voxel_size, size_text(bytes).c_str());
-        if (counts.voxels > 0) std::fprintf(stderr, " (%.3g bytes a voxel)", double(bytes) / double(counts.voxels));
-        std::fprintf(stderr, ", %.1f s", seconds);
-        if (seconds >= 0.5) std::fprintf(stderr, " (%.1f M voxels/s)", double(counts.voxels) / seconds / 1e6);
-        std::fputc('\n', stderr);
-    }
+    if (json) std::printf("%s\n", report_json(written, *input, seconds).dump(2).c_str());
+    else if (!quiet) print_summary(output.path, written, input->frame().voxel_size, seconds);
     return 0;
 }
 
@@ -143,7 +149,7 @@ int run(const Options& options) {
 
 Command voxelize_command() {
     return {.name = "voxelize",
-            .summary = "meshes and points to sparse voxel octrees",
+            .summary = "meshes, points and grids to sparse voxel octrees",
             .positional = "IN...",
             .least_positional = 1,
             .rows = kRows,

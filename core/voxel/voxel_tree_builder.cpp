@@ -6,7 +6,10 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <string>
 #include <utility>
+
+#include "core/error.h"
 
 namespace strata {
 namespace {
@@ -61,6 +64,8 @@ size_t element_size(VoxelStream::Kind kind) {
         case color: return sizeof(VoxelColor);
         case normal: return sizeof(VoxelNormal);
         case opacity: return 3;
+        case pointer:
+        case packed_mask: return 1;
     }
     return 0;
 }
@@ -257,13 +262,17 @@ VoxelTreeCounts VoxelTreeBuilder::finish() {
     return counts_;
 }
 
-VoxelTreeInMemory::VoxelTreeInMemory(const VoxelFrame& frame, const VoxelAttributes& attributes) {
+VoxelTreeInMemory::VoxelTreeInMemory(const VoxelFrame& frame, const VoxelAttributes& attributes, uint64_t most_bytes) : most_bytes_(most_bytes) {
     tree_.frame = frame;
     tree_.levels.resize(size_t(frame.levels));
     if (attributes.any_of_voxels() || attributes.opacity) tree_.attributes.resize(size_t(frame.depth()) + 1);
 }
 
 void VoxelTreeInMemory::append(VoxelStream stream, std::span<const std::byte> bytes) {
+    // Arrays grow by halves, and masks are indexed by half their size.
+    bytes_ += bytes.size() + bytes.size() / 2;
+    if (bytes_ > most_bytes_)
+        throw Error(ErrorKind::limit, "the tree takes more than the " + std::to_string(most_bytes_) + " bytes of memory that it may take");
     visit_stream(tree_, stream, [&](auto& array) {
         const size_t before = array.size();
         array.resize(before + bytes.size() / sizeof array[0]);

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
@@ -14,10 +15,10 @@ namespace strata {
 
 /// One of the arrays that a tree is made of, each of which only grows at its end while the tree is built.
 struct VoxelStream {
-    enum class Kind : uint8_t { mask, full, count, color, normal, opacity };
+    enum class Kind : uint8_t { mask, full, count, color, normal, opacity, pointer, packed_mask };  // the last two of DAGs only
 
     Kind kind = Kind::mask;
-    uint8_t place = 0;  // mask, full: level; the others: depth
+    uint8_t place = 0;  // count, color, normal, opacity: depth; the others: level
 
     bool operator==(const VoxelStream&) const = default;
 };
@@ -103,14 +104,17 @@ private:
 /// A sink that keeps the tree.
 class VoxelTreeInMemory : public VoxelTreeSink {
 public:
-    VoxelTreeInMemory(const VoxelFrame& frame, const VoxelAttributes& attributes);
+    /// most_bytes  of memory, for the arrays and what take() adds to them
+    VoxelTreeInMemory(const VoxelFrame& frame, const VoxelAttributes& attributes, uint64_t most_bytes = std::numeric_limits<uint64_t>::max());
 
+    /// throws  Error{limit}: the tree takes more memory than allowed
     void append(VoxelStream stream, std::span<const std::byte> bytes) override;
     /// The tree that was built, indexed. Once.
     VoxelTree take();
 
 private:
     VoxelTree tree_;
+    uint64_t most_bytes_, bytes_ = 0;
 };
 
 /// The array of a tree that a stream fills: element_size(kind) bytes an element.
@@ -125,6 +129,8 @@ void visit_stream(Tree& tree, VoxelStream stream, const Visit& visit) {
         case color: return visit(tree.attributes[stream.place].colors);
         case normal: return visit(tree.attributes[stream.place].normals);
         case opacity: return visit(tree.attributes[stream.place].opacities);
+        case pointer:
+        case packed_mask: return;
     }
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -9,31 +10,39 @@
 #include "core/parallel.h"
 #include "io/byte_reader.h"
 #include "io/svo/svo_layout.h"
+#include "io/svo/svo_dag_coding.h"
 
 namespace strata {
 namespace {
 
 using Kind = VoxelStream::Kind;
 
+bool is_of_level(Kind kind) { return kind == Kind::mask || kind == Kind::full || kind == Kind::pointer || kind == Kind::packed_mask; }
+
 std::string name_of(VoxelStream stream) {
-    constexpr std::array kNames = {"masks", "full cells", "counts", "colors", "normals", "opacities"};
-    const bool level = stream.kind == Kind::mask || stream.kind == Kind::full;
+    constexpr std::array kNames = {"masks", "full cells", "counts", "colors", "normals", "opacities", "pointers", "masks"};
+    const bool level = is_of_level(stream.kind);
     return std::string(kNames[size_t(stream.kind)]) + (level ? " of level " : " of depth ") + std::to_string(stream.place);
 }
 
-// Whether a tree of that many levels can have the stream.
-bool is_place(VoxelStream stream, int levels) {
+// Whether a tree or DAG of that many levels can have the stream.
+bool is_place(VoxelStream stream, int levels, bool dag) {
     switch (stream.kind) {
-        case Kind::mask: return stream.place < levels;
+        case Kind::mask: return !dag && stream.place < levels;
+        case Kind::packed_mask: return dag && stream.place < levels;
         case Kind::full: return stream.place + 1 < levels;
-        case Kind::opacity: return stream.place >= 1 && stream.place < 2 * levels;
-        default: return stream.place >= 1 && stream.place <= 2 * levels;
+        case Kind::pointer: return dag && stream.place + 1 < levels;
+        case Kind::opacity: return !dag && stream.place >= 1 && stream.place < 2 * levels;
+        default: return !dag && stream.place >= 1 && stream.place <= 2 * levels;
     }
 }
 
 }  // namespace
 
-SvoFile::SvoFile(std::unique_ptr<ByteSource> source) : source_(std::move(source)) { read_header(); }
+SvoFile::SvoFile(std::unique_ptr<ByteSource> source) : source_(std::move(source)) {
+    read_header();
+    if (dag_) read_dag();
+}
 
 void SvoFile::read_header() {
     std::array<std::byte, svo::kHeaderBytes> bytes;
@@ -52,8 +61,10 @@ void SvoFile::read_header() {
     if (reader.read<uint32_t>() != svo::checksum(bytes.data(), bytes.size() - sizeof(uint32_t)))
         throw Error(ErrorKind::malformed, place + ": damaged: its checksum does not fit");
     reader.seek(16);
-    if (const uint32_t layout = reader.read<uint32_t>(); layout != uint32_t(svo::Layout::tree))
-        throw Error(ErrorKind::unsupported, place + ": layout " + std::to_string(layout) + "; this program reads layout 0, a tree");
+    const uint32_t layout = reader.read<uint32_t>();
+    if (layout > uint32_t(svo::Layout::dag))
+        throw Error(ErrorKind::unsupported, place + ": layout " + std::to_string(layout) + "; this program reads 0, a tree, and 1, a DAG");
+    if (layout == uint32_t(svo::Layout::dag)) dag_.emplace();
     const uint32_t levels = reader.read<uint32_t>();
     if (levels < 1 || levels > uint32_t(kMostVoxelLevels))
         throw Error(ErrorKind::malformed, place + ": " + std::to_string(levels) + " levels, expected 1 to " + std::to_string(kMostVoxelLevels));
@@ -88,9 +99,9 @@ void SvoFile::read_directory(uint64_t offset, uint64_t size, uint32_t expected_c
     for (uint32_t i = 0; i < count; ++i) {
         Stream stream;
         const uint8_t kind = reader.read<uint8_t>();
-        if (kind > uint8_t(Kind::opacity)) reader.fail("a stream of kind " + std::to_string(kind) + "; 0 to 5 are known");
+        if (kind > uint8_t(Kind::packed_mask)) reader.fail("a stream of kind " + std::to_string(kind) + "; 0 to 7 are known");
         stream.name = {Kind(kind), reader.read<uint8_t>()};
-        if (!is_place(stream.name, frame_.levels)) reader.fail(name_of(stream.name) + " are not expected in a tree of " + std::to_string(frame_.levels) + " levels");
+        if (!is_place(stream.name, frame_.levels, dag_.has_value())) reader.fail(name_of(stream.name) + " are not expected in a tree of " + std::to_string(frame_.levels) + " levels");
         if (find(stream.name) != nullptr) reader.fail("two streams of " + name_of(stream.name));
         const size_t element = element_size(stream.name.kind);
         if (reader.read<uint16_t>() != element) reader.fail(name_of(stream.name) + ": elements of " + std::to_string(element) + " bytes are expected");
@@ -169,10 +180,55 @@ void SvoFile::read_all(VoxelStream name, std::vector<T>& out, int threads) const
     });
 }
 
+void SvoFile::read_dag() {
+    dag_->frame = frame_;
+    dag_counts_.resize(size_t(frame_.levels));
+    if (elements({Kind::packed_mask, 0}) == 0 && voxels_ == 0) return;  // nothing is occupied
+    dag_->levels.resize(size_t(frame_.levels));
+    for (size_t number = 0; number < dag_->levels.size(); ++number) {
+        DagLevel& level = dag_->levels[number];
+        const uint8_t place = uint8_t(number);
+        std::vector<uint8_t> packed;
+        read_all({Kind::packed_mask, place}, packed, 1);
+        level.masks = svo::decode_masks(packed, source_->name() + ": " + name_of({Kind::packed_mask, place}));
+        read_all({Kind::full, place}, level.full, 1);
+        if (number + 1 == dag_->levels.size()) continue;
+        packed.clear();
+        read_all({Kind::pointer, place}, packed, 1);
+        uint64_t children = 0;
+        if (!level.full.empty() && level.full.size() != level.masks.size())
+            throw Error(ErrorKind::malformed, source_->name() + ": " + name_of({Kind::full, place}) + ": as many as masks are expected");
+        for (size_t node = 0; node < level.masks.size(); ++node) children += uint64_t(std::popcount(level.masks[node] & ~level.full_mask(node)));
+        level.pointers = pack_numbers(svo::decode_pointers(packed, children, source_->name() + ": " + name_of({Kind::pointer, place})));
+    }
+    try {
+        index_dag(*dag_);
+    } catch (const Error& error) {
+        throw error.within(source_->name());
+    }
+    dag_counts_ = count_dag(*dag_);
+    if (count_voxels(*dag_) != voxels_)
+        throw Error(ErrorKind::malformed, source_->name() + ": the header counts " + std::to_string(voxels_) + " voxels, there are " + std::to_string(count_voxels(*dag_)));
+}
+
+VoxelTree SvoFile::load_from_dag(size_t levels) const {
+    VoxelDag coarse;
+    coarse.frame = frame_;
+    if (dag_->empty()) return {.frame = frame_, .levels = std::vector<VoxelLevel>(levels)};
+    coarse.levels.assign(dag_->levels.begin(), dag_->levels.begin() + std::ptrdiff_t(levels));
+    coarse.levels.back().pointers = {};
+    coarse.levels.back().first_pointer.clear();
+    uint64_t most_nodes = 0;
+    for (size_t level = 0; level < levels; ++level) most_nodes += dag_counts_[level].tree_nodes;
+    return expand(coarse, most_nodes);
+}
+
 uint64_t SvoFile::memory_bytes(int levels, bool with_attributes) const {
     uint64_t bytes = 0;
+    for (int level = 0; dag_ && !dag_->empty() && level < levels; ++level) bytes += nodes(level) * (sizeof(uint64_t) * (dag_->levels[size_t(level)].full.empty() ? 1 : 2) + sizeof(uint32_t));
+    if (dag_) return bytes;
     for (const Stream& stream : streams_) {
-        const bool level = stream.name.kind == Kind::mask || stream.name.kind == Kind::full;
+        const bool level = is_of_level(stream.name.kind);
         if (level ? stream.name.place >= levels : !with_attributes || stream.name.place > 2 * levels) continue;
         bytes += stream.elements * element_size(stream.name.kind);
         if (stream.name.kind == Kind::mask) bytes += stream.elements * sizeof(uint32_t) * (with_attributes ? 3 : 1);  // children, cells before
@@ -187,12 +243,13 @@ int SvoFile::levels_within(uint64_t memory, bool with_attributes) const {
 }
 
 VoxelTree SvoFile::load(int levels, bool with_attributes, int threads) const {
+    if (dag_) return load_from_dag(size_t(std::clamp(levels, 1, frame_.levels)));
     VoxelTree tree;
     tree.frame = frame_;
     tree.levels.resize(size_t(std::clamp(levels, 1, frame_.levels)));
     if (with_attributes && (attributes().any_of_voxels() || attributes().opacity)) tree.attributes.resize(2 * tree.levels.size() + 1);
     for (const Stream& stream : streams_) {
-        const bool level = stream.name.kind == Kind::mask || stream.name.kind == Kind::full;
+        const bool level = is_of_level(stream.name.kind);
         if (stream.name.place >= (level ? tree.levels.size() : tree.attributes.size())) continue;
         visit_stream(tree, stream.name, [&](auto& array) { read_all(stream.name, array, threads); });
     }

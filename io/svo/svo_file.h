@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -23,11 +24,14 @@ public:
 
     const VoxelFrame& frame() const { return frame_; }
     const SvoLabels& labels() const { return labels_; }
+    /// The DAG of a file of that layout, which is read when the file is opened: it is small. Null: a tree.
+    const VoxelDag* dag() const { return dag_ ? &*dag_ : nullptr; }
     uint64_t voxels() const { return voxels_; }
     uint64_t size_bytes() const { return source_->size(); }
     /// What voxels have; opacity: what coarser cells have.
     VoxelAttributes attributes() const;
-    uint64_t nodes(int level) const { return elements({VoxelStream::Kind::mask, uint8_t(level)}); }
+    /// Of the tree, also where a DAG is stored.
+    uint64_t nodes(int level) const { return dag_ ? dag_counts_[size_t(level)].tree_nodes : elements({VoxelStream::Kind::mask, uint8_t(level)}); }
     /// Elements of a stream, 0 where there is none.
     uint64_t elements(VoxelStream stream) const;
 
@@ -39,7 +43,7 @@ public:
     uint64_t memory_bytes(int levels, bool with_attributes) const;
     /// The most levels that fit in memory_bytes; at least 1.
     int levels_within(uint64_t memory_bytes, bool with_attributes) const;
-    /// The first `levels` levels, checked.
+    /// The first `levels` levels, checked; of a DAG the tree that it stands for.
     /// throws  Error{malformed}, naming the file and the level
     VoxelTree load(int levels, bool with_attributes, int threads) const;
 
@@ -57,6 +61,8 @@ private:
 
     void read_header();
     void read_directory(uint64_t offset, uint64_t size, uint32_t checksum);
+    void read_dag();
+    VoxelTree load_from_dag(size_t levels) const;
     const Stream* find(VoxelStream name) const;
     void read_block(const Stream& stream, uint64_t block, std::vector<std::byte>& out) const;
     template <typename T>
@@ -67,6 +73,8 @@ private:
     SvoLabels labels_;
     uint64_t voxels_ = 0;
     std::vector<Stream> streams_;
+    std::optional<VoxelDag> dag_;
+    std::vector<DagLevelCounts> dag_counts_;
 };
 
 /// throws  as SvoFile; Error{not_found, io}

@@ -14,7 +14,8 @@ inline constexpr size_t kBlockBytes = size_t{1} << 16;  // of a stream, that the
 inline constexpr size_t kBlockEntryBytes = 12;          // of the directory
 inline constexpr size_t kStreamEntryBytes = 16;
 
-enum class Layout : uint32_t { tree = 0 };
+/// dag: identical subtrees are stored once, and pointers lead from level to level.
+enum class Layout : uint32_t { tree = 0, dag = 1 };
 
 /// CRC-32 of ISO 3309, as in PNG and zlib.
 uint32_t checksum(const void* bytes, size_t size);

@@ -3,10 +3,12 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 #include <utility>
 
-#include "io/svo/svo_layout.h"
+#include "io/svo/svo_dag_coding.h"
+
 
 namespace strata {
 namespace {
@@ -39,8 +41,8 @@ uint32_t svo::checksum(const void* bytes, size_t size) {
     return uint32_t(crc32_z(0, static_cast<const Bytef*>(bytes), size));
 }
 
-SvoWriter::SvoWriter(const std::string& path, bool overwrite, const VoxelFrame& frame, SvoLabels labels)
-    : file_(path, overwrite), frame_(frame), labels_(std::move(labels)) {
+SvoWriter::SvoWriter(const std::string& path, bool overwrite, const VoxelFrame& frame, SvoLabels labels, svo::Layout layout)
+    : file_(path, overwrite), frame_(frame), labels_(std::move(labels)), layout_(layout) {
     const std::array<std::byte, svo::kHeaderBytes> room = {};  // the header is known last
     file_.write(room);
 }
@@ -102,7 +104,7 @@ uint64_t SvoWriter::commit(uint64_t voxels, Durability durability) {
     header.put(svo::kMajorVersion);
     header.put(svo::kMinorVersion);
     header.put(uint32_t(svo::kHeaderBytes));
-    header.put(svo::Layout::tree);
+    header.put(layout_);
     header.put(uint32_t(frame_.levels));
     for (int axis = 0; axis < 3; ++axis) header.put(frame_.origin[axis]);
     header.put(frame_.voxel_size);
@@ -116,6 +118,29 @@ uint64_t SvoWriter::commit(uint64_t voxels, Durability durability) {
     const uint64_t size = file_.size();
     file_.commit(durability);
     return size;
+}
+
+// One after the other, of all nodes.
+static std::vector<uint32_t> pointers_of(const DagLevel& level) {
+    std::vector<uint32_t> pointers;
+    for (size_t node = 0; node < level.masks.size(); ++node) {
+        const int children = std::popcount(level.masks[node] & ~level.full_mask(node));
+        for (int child = 0; child < children; ++child) pointers.push_back(level.pointers[level.first_pointer[node] + uint32_t(child)]);
+    }
+    return pointers;
+}
+
+void write_svo_dag(const VoxelDag& dag, VoxelTreeSink& out) {
+    for (size_t number = 0; number < dag.levels.size(); ++number) {
+        const DagLevel& level = dag.levels[number];
+        const uint8_t place = uint8_t(number);
+        const std::vector<uint8_t> masks = svo::encode_masks(level.masks);
+        out.append({VoxelStream::Kind::packed_mask, place}, std::as_bytes(std::span(masks)));
+        if (!level.full.empty()) out.append({VoxelStream::Kind::full, place}, std::as_bytes(std::span(level.full)));
+        if (number + 1 == dag.levels.size()) continue;
+        const std::vector<uint8_t> packed = svo::encode_pointers(pointers_of(level));
+        out.append({VoxelStream::Kind::pointer, place}, std::as_bytes(std::span(packed)));
+    }
 }
 
 }  // namespace strata

@@ -7,8 +7,10 @@
 #include <string>
 #include <vector>
 
+#include "core/voxel/voxel_dag.h"
 #include "core/voxel/voxel_tree_builder.h"
 #include "io/output_file.h"
+#include "io/svo/svo_layout.h"
 
 namespace strata {
 
@@ -23,7 +25,7 @@ struct SvoLabels {
 class SvoWriter : public VoxelTreeSink {
 public:
     /// throws  as OutputFile
-    SvoWriter(const std::string& path, bool overwrite, const VoxelFrame& frame, SvoLabels labels);
+    SvoWriter(const std::string& path, bool overwrite, const VoxelFrame& frame, SvoLabels labels, svo::Layout layout = svo::Layout::tree);
 
     void append(VoxelStream stream, std::span<const std::byte> bytes) override;
 
@@ -49,7 +51,11 @@ private:
     OutputFile file_;
     VoxelFrame frame_;
     SvoLabels labels_;
+    svo::Layout layout_;
     std::vector<Stream> streams_;
 };
+
+/// Hands the arrays of a DAG to a writer of layout `dag`.
+void write_svo_dag(const VoxelDag& dag, VoxelTreeSink& out);
 
 }  // namespace strata

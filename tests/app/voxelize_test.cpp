@@ -59,6 +59,7 @@ TEST(Voxelize, KindsOfACube) {
         EXPECT_EQ(said["valid"], true);
         return report["voxels"].get<int>();
     };
+    EXPECT_EQ(count("solid"), 16 * 16 * 16);
     // Both layers at each face: a shell two thick around the 14^3 inside of them, 18^3 in all.
     EXPECT_EQ(count("conservative"), 18 * 18 * 18 - 14 * 14 * 14);
     // One layer a face, in the voxels above it. Those of the three lower faces share edges, of 16 voxels with one corner.
@@ -67,6 +68,47 @@ TEST(Voxelize, KindsOfACube) {
     EXPECT_EQ(shell["bounds"]["min"], json({9.5, 19.5, 29.5}));
     EXPECT_EQ(shell["bounds"]["max"], json({18.5, 28.5, 38.5}));
     EXPECT_EQ(shell["voxel_size"], 0.5);
+}
+
+// The same voxels, whichever file keeps them: as a tree, as a DAG, and back from a grid of OpenVDB.
+TEST(Voxelize, EveryOutputHoldsTheSameVoxels) {
+    const TemporaryFolder folder;
+    const std::string cube = folder.file("cube.obj");
+    write_text(cube, cube_obj());
+    const auto make = [&](const std::string& input, const std::string& name, std::vector<std::string> more) {
+        more.insert(more.begin(), {input, "-o", folder.file(name)});
+        return voxelize(more);
+    };
+    const json tree = make(cube, "tree.svo", {"--voxel-size", "0.125"});
+    const json dag = make(cube, "dag.svo", {"--voxel-size", "0.125", "--dag"});
+    EXPECT_EQ(dag["voxels"], tree["voxels"]);
+    EXPECT_EQ(dag["nodes"], tree["nodes"]);
+    EXPECT_LT(dag["dag_nodes"], tree["nodes"].get<int>() / 10);  // faces of a cube are much the same
+    EXPECT_LT(dag["output_bytes"], tree["output_bytes"].get<int>() / 2);
+    const json said = info(folder.file("dag.svo")), of_tree = info(folder.file("tree.svo"));
+    for (const char* const key : {"voxels", "nodes", "bounds", "level_table", "voxel_size", "origin"}) EXPECT_EQ(said[key], of_tree[key]) << key;
+
+    const ProgramResult grid = run_strata({"voxelize", cube, "-o", folder.file("grid.vdb"), "--voxel-size", "0.125"});
+    if (grid.exit_code == 1 && grid.err.find("OpenVDB") != std::string::npos) GTEST_SKIP() << grid.err;
+    ASSERT_EQ(grid.exit_code, 0) << grid.err;
+    const json back = make(folder.file("grid.vdb"), "back.svo", {});
+    EXPECT_EQ(back["voxels"], tree["voxels"]);
+    EXPECT_EQ(info(folder.file("back.svo"))["bounds"], of_tree["bounds"]);
+}
+
+// Of a level set, what is inside: centers of voxels at most 0 from the surface.
+TEST(Voxelize, LevelSetsOfMeshes) {
+    const TemporaryFolder folder;
+    const std::string cube = folder.file("cube.obj");
+    write_text(cube, cube_obj());
+    const ProgramResult made = run_strata({"voxelize", cube, "-o", folder.file("set.vdb"), "--voxel-size", "0.25", "--kind", "level-set", "--json"});
+    if (made.exit_code == 1 && made.err.find("OpenVDB") != std::string::npos) GTEST_SKIP() << made.err;
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+    // OpenVDB's lattice has points on the faces of the cube, whose distance is 0 up to rounding: 31^3 points lie deeper.
+    const json of_set = voxelize({folder.file("set.vdb"), "-o", folder.file("set.svo"), "--isovalue", "-0.01"});
+    EXPECT_EQ(of_set["voxels"], 31 * 31 * 31);
+    EXPECT_EQ(of_set["kind"], "level-set");
+    EXPECT_EQ(info(folder.file("set.svo"))["bounds"]["min"], json({10.125, 20.125, 30.125}));
 }
 
 TEST(Voxelize, PointsKeepCountAndColor) {
@@ -104,13 +146,17 @@ TEST(Voxelize, WrongWords) {
         EXPECT_NE(result.err.find(message), std::string::npos) << result.err;
         EXPECT_FALSE(std::filesystem::exists(out));
     };
-    refused({cube}, 2, "--output OUT.svo is expected");
-    refused({cube, "-o", folder.file("out.xyz")}, 2, "ends in .svo");
+    refused({cube}, 2, "--output OUT is expected");
+    refused({cube, "-o", folder.file("out.xyz")}, 2, "ends in .svo or .vdb");
     refused({cube, "-o", out, "--resolution", "0"}, 2, "--resolution: expected a whole number from 1");
     refused({cube, "-o", out, "--resolution", "9", "--voxel-size", "1"}, 2, "one of them");
     refused({cube, "-o", out, "--voxel-size", "-1"}, 2, "--voxel-size: expected a positive number");
     refused({cube, "-o", out, "--voxel-size", "1e-9"}, 2, "at most 1048576");
-    refused({cube, "-o", out, "--kind", "points"}, 2, "--kind: expected conservative or thin for a mesh");
+    refused({cube, "-o", out, "--kind", "points"}, 2, "--kind: expected conservative, thin, solid or level-set for a mesh");
+    refused({cube, "-o", out, "--dag", "--attributes", "opacity"}, 2, "--dag: a DAG");
+    refused({cube, "-o", folder.file("out.vdb"), "--dag"}, 2, "--dag is for .svo");
+    refused({cube, "-o", out, "--isovalue", "1"}, 2, "--isovalue: ");
+    refused({cube, "-o", out, "--dag", "-r", "4096", "--memory", "1M"}, 1, "--dag needs the whole tree in half of --memory: the tree takes more than the 524288 bytes");
     refused({cube, "-o", out, "--attributes", "colour"}, 2, "--attributes: expected color");
     refused({folder.file("none.obj"), "-o", out}, 1, "none.obj");
     write_text(folder.file("points.obj"), "v 1 2 3\nv 4 5 6\n");

@@ -66,7 +66,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     mend_checksums(bytes);
     try {
         const SvoFile file(memory_source("fuzz.svo", std::move(bytes)));
-        for (const int levels : {1, kMostVoxelLevels}) {
+        for (const int levels : {1, file.levels_within(uint64_t{32} << 20, true)}) {
             const VoxelTree tree = file.load(levels, true, 1);
             const uint32_t side = tree.frame.side();
             for (const uint32_t place : {0u, 1u, side / 2, side - 1}) is_occupied(tree, place, side - 1 - place, place);

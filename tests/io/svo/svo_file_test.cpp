@@ -7,7 +7,9 @@
 #include <random>
 
 #include "core/error.h"
+#include "core/voxel/voxel_dag.h"
 #include "io/svo/svo_layout.h"
+#include "io/svo/svo_dag_coding.h"
 #include "tests/support/dense_voxels.h"
 #include "tests/support/temporary_folder.h"
 
@@ -66,7 +68,7 @@ std::vector<std::byte> bytes_of(const std::string& path) {
 // The whole tree, refused or equal to what was written: nothing else.
 void open_and_load(std::vector<std::byte> bytes) {
     const SvoFile file(memory_source("damaged.svo", std::move(bytes)));
-    file.load(kMostVoxelLevels, true, 1);
+    file.load(file.levels_within(uint64_t{64} << 20, true), true, 1);
 }
 
 TEST(SvoFile, GivesBackWhatWasWritten) {
@@ -85,6 +87,52 @@ TEST(SvoFile, GivesBackWhatWasWritten) {
             if (file.voxels() > 0 && grid.levels > 0) EXPECT_EQ(file.attributes(), attributes);
             expect_equal(file.load(kMostVoxelLevels, true, 2), built(grid, attributes), size_t(grid.levels));
         }
+}
+
+void write_dag(const std::string& path, const DenseVoxels& grid) {
+    const VoxelDag dag = dag_of(tree_of(grid));
+    SvoWriter writer(path, false, grid.frame(), {"thin", ""}, svo::Layout::dag);
+    write_svo_dag(dag, writer);
+    writer.commit(count_voxels(dag), Durability::unsynced);
+}
+
+TEST(SvoFile, DagsGiveBackTheirTree) {
+    const TemporaryFolder folder;
+    int number = 0;
+    for (const DenseVoxels& grid : {random_grid(3, 0.02, 1), ball_grid(4, 0.45), random_grid(1, 0.5, 4), DenseVoxels(2)}) {
+        const std::string path = folder.file(std::to_string(number++) + ".svo");
+        write_dag(path, grid);
+        const SvoFile file = open_svo(path);
+        const VoxelTree tree = tree_of(grid);
+        ASSERT_NE(file.dag(), nullptr);
+        for (int levels = 1; levels <= grid.levels; ++levels) {
+            expect_equal(file.load(levels, true, 1), tree, size_t(levels));
+            EXPECT_EQ(file.nodes(levels - 1), tree.levels[size_t(levels) - 1].masks.size());
+        }
+    }
+}
+
+TEST(SvoDagCoding, MasksKeepTheirBytes) {
+    const std::vector<uint64_t> masks = {1, 0x8000000000000000, 0x00ff000000120000, kFullMask};
+    const std::vector<uint8_t> bytes = svo::encode_masks(masks);
+    EXPECT_EQ(std::vector<uint8_t>(bytes.begin(), bytes.begin() + 7), (std::vector<uint8_t>{1, 1, 0x80, 0x80, 0x44, 0x12, 0xff}));
+    EXPECT_EQ(bytes.size(), 2 + 2 + 3 + 9u);
+    EXPECT_EQ(svo::decode_masks(bytes, "x"), masks);
+    EXPECT_THROW(svo::decode_masks(std::span(bytes).first(6), "x"), Error);
+    EXPECT_THROW(svo::decode_masks(std::vector<uint8_t>{1, 0}, "x"), Error);
+}
+
+// Worked by hand: nodes 0, 0, 1, 2, 0, 2 are new (1), 0 of one (0), new (1), new (1), 0 of three (0 00), 2 of three (0 10 -> 0 0 1).
+TEST(SvoDagCoding, PointersOfASmallLevel) {
+    const std::vector<uint32_t> pointers = {0, 0, 1, 2, 0, 2};
+    const std::vector<uint8_t> bytes = svo::encode_pointers(pointers);
+    EXPECT_EQ(bytes, (std::vector<uint8_t>{0b00001101, 0b10}));
+    EXPECT_EQ(svo::decode_pointers(bytes, 6, "x"), pointers);
+    EXPECT_THROW(svo::decode_pointers(bytes, 9, "x"), Error);
+    EXPECT_THROW(svo::decode_pointers(bytes, 5, "x"), Error);
+    EXPECT_THROW(svo::decode_pointers(std::vector<uint8_t>{0b11101101, 0b11}, 6, "x"), Error);  // node 3 of three
+    EXPECT_TRUE(svo::encode_pointers({}).empty());
+    EXPECT_TRUE(svo::decode_pointers({}, 0, "x").empty());
 }
 
 // Each level is a model, and reading it touches no other.
@@ -154,13 +202,19 @@ TEST(SvoFile, EveryTruncationAndFlippedBitIsFound) {
         damaged[bit / 8] ^= std::byte(1 << bit % 8);
         EXPECT_THROW(open_and_load(damaged), Error) << "bit " << bit;
     }
+    write_dag(folder.file("b.svo"), random_grid(2, 0.05, 6));
+    const std::vector<std::byte> dag = bytes_of(folder.file("b.svo"));
+    EXPECT_NO_THROW(open_and_load(dag));
+    for (size_t size = 0; size < dag.size(); ++size) EXPECT_THROW(open_and_load({dag.begin(), dag.begin() + std::ptrdiff_t(size)}), Error) << size;
 }
 
 // A hostile file has checksums that fit. Whatever it says, it is refused or read within its own size.
 TEST(SvoFile, LiesThatCheckOutAreRefusedOrHarmless) {
     const TemporaryFolder folder;
     write_svo(folder.file("a.svo"), random_grid(2, 0.1, 3), kAll);
-    const std::vector<std::byte> whole = bytes_of(folder.file("a.svo"));
+    write_dag(folder.file("b.svo"), random_grid(3, 0.01, 3));
+    for (const char* const name : {"a.svo", "b.svo"}) {
+    const std::vector<std::byte> whole = bytes_of(folder.file(name));
     uint64_t offset = 0, size = 0;
     std::memcpy(&offset, whole.data() + 64, 8);
     std::memcpy(&size, whole.data() + 72, 8);
@@ -185,6 +239,7 @@ TEST(SvoFile, LiesThatCheckOutAreRefusedOrHarmless) {
         }
     }
     EXPECT_GT(refused, 10000);
+    }
 }
 
 TEST(SvoFile, SaysWhatItIsNot) {
