@@ -45,7 +45,8 @@ ProgramResult run_in(const Surroundings& at, const std::vector<std::string>& com
     words.insert(words.end(), at.variables.begin(), at.variables.end());
     words.insert(words.end(), {"/bin/sh", "-c", "umask $1; cd \"$2\"; shift 2; exec \"$@\"", "sh", at.umask_text, at.folder, STRATA_PROGRAM});
     words.insert(words.end(), command.begin(), command.end());
-    words.insert(words.end(), {"--threads", std::to_string(at.threads), "--quiet", "--overwrite"});
+    words.insert(words.end(), {"--threads", std::to_string(at.threads), "--overwrite"});
+    if (command.back() != "--quiet") words.push_back("--quiet");
     return run_program(words);
 }
 
@@ -65,11 +66,9 @@ TEST_F(Determinism, OfConvert) {
         // The name of the output is in its metadata.
         fs::create_directories(folder_.file(std::string(output.label) + "/first"));
         fs::create_directories(folder_.file(std::string(output.label) + "/again"));
-        std::vector<std::string> words = {"convert", scan_, folder_.file(std::string(output.label) + "/first/") + output.name};
-        words.insert(words.end(), output.words.begin(), output.words.end());
-        const std::string first = words[2], again = folder_.file(std::string(output.label) + "/again/") + output.name;
-        ASSERT_EQ(run_in({}, words).exit_code, 0);
-        words[2] = again;
+        const std::string first = folder_.file(std::string(output.label) + "/first/") + output.name, again = folder_.file(std::string(output.label) + "/again/") + output.name;
+        ASSERT_EQ(run_in({}, output.command(scan_, first)).exit_code, 0);
+        const std::vector<std::string> words = output.command(scan_, again);
         for (const Surroundings& at : surroundings_of(output)) {
             SCOPED_TRACE(output.label + (", " + at.name));
             const ProgramResult result = run_in(at, words);

@@ -47,8 +47,8 @@ protected:
         ASSERT_EQ(convert(folder_.file("other.las"), earlier_).exit_code, 0);
     }
     static ProgramResult convert(const std::string& in, const std::string& out, const ProgramLimits& limits = {}) {
-        std::vector<std::string> words = {"convert", in, out, "--quiet", "--overwrite"};
-        words.insert(words.end(), GetParam().words.begin(), GetParam().words.end());
+        std::vector<std::string> words = GetParam().command(in, out);
+        words.push_back("--overwrite");
         return run_strata(words, limits);
     }
 

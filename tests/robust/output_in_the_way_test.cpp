@@ -59,8 +59,7 @@ TEST_F(OutputInTheWay, AnExistingOutputNeedsOverwrite) {
 class EachOutputInTheWay : public OutputInTheWay, public testing::WithParamInterface<ConvertedOutput> {
 protected:
     ProgramResult convert_to(const std::string& out, bool overwrite = true) const {
-        std::vector<std::string> words = {"convert", scan_, out, "--quiet"};
-        words.insert(words.end(), GetParam().words.begin(), GetParam().words.end());
+        std::vector<std::string> words = GetParam().command(scan_, out);
         if (overwrite) words.push_back("--overwrite");
         return run_strata(words);
     }

@@ -30,8 +30,8 @@ protected:
 
     std::string output_in(const std::string& folder) const { return folder_.file(folder + "/" + output_.name); }
     test::ProgramResult convert(const std::string& scan, const std::string& folder, const test::ProgramLimits& limits) {
-        std::vector<std::string> words = {"convert", scan, output_in(folder), "--quiet", "--overwrite", "--no-sync"};
-        words.insert(words.end(), output_.words.begin(), output_.words.end());
+        std::vector<std::string> words = output_.command(scan, output_in(folder));
+        words.insert(words.end(), {"--overwrite", "--no-sync"});
         return test::run_strata(words, limits);
     }
     /// Of `full` runs in a full run; every build runs a tenth, of outputs that share most code a twentieth.

@@ -23,8 +23,9 @@ protected:
 
     std::string output_in(const std::string& folder) const { return folder_.file(folder + "/" + GetParam().name); }
     ProgramResult convert(const std::string& scan, const std::string& folder, std::vector<std::string> more) {
-        more.insert(more.begin(), {"convert", folder_.file(scan + ".las"), output_in(folder), "--quiet", "--no-sync"});
-        more.insert(more.end(), GetParam().words.begin(), GetParam().words.end());
+        const std::vector<std::string> command = GetParam().command(folder_.file(scan + ".las"), output_in(folder));
+        more.insert(more.begin(), command.begin(), command.end());
+        more.push_back("--no-sync");
         return run_strata(more);
     }
     std::pair<ProgramResult, ProgramResult> together(const std::vector<std::string>& more) {

@@ -34,7 +34,8 @@ void write_sheet(const std::string& path, int points) {
 
 const std::vector<ConvertedOutput>& converted_outputs() {
     static const std::vector<ConvertedOutput> all = {{"potree", "out"},   {"copc", "out.copc.laz"}, {"laz", "out.laz"},
-                                                     {"las", "out.las"}, {"drc", "out.drc"},       {"drc_blocks", "out", {"--format", "drc"}}};
+                                                     {"las", "out.las"}, {"drc", "out.drc"},       {"drc_blocks", "out", {"--format", "drc"}},
+                                                     {"svo", "out.svo", {"--resolution", "256", "--attributes", "color,count,opacity"}, "voxelize"}};
     return all;
 }
 

@@ -20,7 +20,17 @@ struct ConvertedOutput {
     const char* label;
     const char* name;
     std::vector<std::string> words = {};
+    const char* verb = "convert";  // or "voxelize"
 
+    /// The words after "strata" that make it.
+    std::vector<std::string> command(const std::string& in, const std::string& out) const {
+        std::vector<std::string> all = {verb, in};
+        if (std::string(verb) == "voxelize") all.push_back("-o");
+        all.push_back(out);
+        all.insert(all.end(), words.begin(), words.end());
+        all.push_back("--quiet");
+        return all;
+    }
     bool is_folder() const { return std::string(name).find('.') == std::string::npos; }
 };
 const std::vector<ConvertedOutput>& converted_outputs();
