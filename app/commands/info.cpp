@@ -167,7 +167,7 @@ int run(const Options& options) {
     const ordered_json report = format.kind == FormatKind::layered ? layered_report(path, format, options)
                                 : format.kind == FormatKind::mesh  ? mesh_report(path, format, memory_cap(options))
                                 : format.kind == FormatKind::grids ? vdb_report(path, format)
-                                : format.kind == FormatKind::voxels ? voxel_report(path, format, options.given("--exact"), thread_count(options))
+                                : format.kind == FormatKind::voxels ? voxel_report(path, format, options.given("--exact"), memory_cap(options), thread_count(options))
                                                                    : points_report(path, format, options);
     // Names and texts from a file may be of any encoding; JSON is UTF-8.
     const std::string text = report.dump(2, ' ', false, ordered_json::error_handler_t::replace);

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "app/printable_text.h"
 #include "app/quantity_text.h"
 
 namespace strata {
@@ -20,14 +21,6 @@ constexpr size_t kLabelWidth = 14;
 constexpr std::array<std::string_view, 19> kClassNames = {
     "never classified", "unassigned", "ground", "low vegetation", "medium vegetation", "high vegetation", "building", "low noise",
     "model key point", "water", "rail", "road", "overlap", "wire guard", "wire", "tower", "connector", "bridge", "high noise"};
-
-// Text from a file is data: nothing in it may move the cursor or hide a line.
-std::string printable(const std::string& text) {
-    std::string clean = text;
-    for (char& c : clean)
-        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-    return clean;
-}
 
 std::string number_text(const ordered_json& value, int decimals = -1) {
     if (!value.is_number()) return "-";

@@ -1,10 +1,11 @@
 #include "app/commands/info_voxels.h"
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "app/commands/info_json.h"
-#include "core/voxel/voxel_tree.h"
+#include "core/voxel/voxel_bounds.h"
 #include "io/svo/svo_file.h"
 
 namespace strata {
@@ -13,40 +14,7 @@ using nlohmann::ordered_json;
 
 namespace {
 
-constexpr uint64_t kBoundsBytes = uint64_t{8} << 20;  // of the levels that bounds are taken from
-
-// The box of the occupied cells of the tree's last level, or of full cells above it.
-Box3d occupied_box(const VoxelTree& tree) {
-    Box3d box;
-    if (tree.empty()) return box;
-    struct Node {
-        uint32_t index;
-        std::array<uint32_t, 3> place;  // in units of its side
-    };
-    std::vector<Node> nodes = {{0, {0, 0, 0}}}, below;
-    for (size_t level = 0; level < tree.levels.size(); ++level) {
-        const double side = std::ldexp(1.0, 2 * (tree.frame.levels - 1 - int(level)));  // of a cell, voxels
-        const bool last = level + 1 == tree.levels.size();
-        below.clear();
-        for (const Node& node : nodes) {
-            const uint64_t mask = tree.levels[level].masks[node.index], full = tree.levels[level].full_mask(node.index);
-            for (uint64_t left = mask; left != 0; left &= left - 1) {
-                const int bit = std::countr_zero(left);
-                const auto [x, y, z] = coordinates_of_code(uint64_t(bit));
-                const std::array<uint32_t, 3> place = {4 * node.place[0] + x, 4 * node.place[1] + y, 4 * node.place[2] + z};
-                const Vec3d corner = Vec3d(place[0], place[1], place[2]) * side;
-                if (last || (full >> bit & 1) != 0) {
-                    box.extend(corner);
-                    box.extend(corner + Vec3d::Constant(side));
-                } else {
-                    below.push_back({tree.levels[level].child(node.index, bit), place});
-                }
-            }
-        }
-        nodes.swap(below);
-    }
-    return {.min = tree.frame.world_from_voxel(box.min), .max = tree.frame.world_from_voxel(box.max)};
-}
+constexpr uint64_t kBoundsBytes = uint64_t{64} << 20;  // of the levels that bounds are taken from
 
 void add_attribute(ordered_json& report, const char* name, const char* type, int components) {
     report["attributes"].push_back({{"name", name}, {"type", type}, {"components", components}, {"min", nullptr}, {"max", nullptr}});
@@ -54,12 +22,13 @@ void add_attribute(ordered_json& report, const char* name, const char* type, int
 
 }  // namespace
 
-ordered_json voxel_report(const std::string& path, const Format& format, bool exact, int threads) {
+ordered_json voxel_report(const std::string& path, const Format& format, bool exact, uint64_t memory_bytes, int threads) {
     const SvoFile file = open_svo(path);
     const VoxelFrame& frame = file.frame();
-    const bool dag = file.dag() != nullptr;  // then all of it was checked when it was opened
-    const int levels = exact && !dag ? frame.levels : file.levels_within(kBoundsBytes, false);
+    const bool dag = file.dag() != nullptr;
+    const int levels = file.levels_within(exact ? memory_bytes : std::min(memory_bytes, kBoundsBytes), exact);
     const VoxelTree tree = file.load(levels, exact, threads);
+    if (exact) file.verify(threads);
     uint64_t nodes = 0;
     ordered_json rows = ordered_json::array();
     for (int level = 0; level < frame.levels; ++level) {
@@ -81,7 +50,7 @@ ordered_json voxel_report(const std::string& path, const Format& format, bool ex
                            {"origin", vector_json(frame.origin)},
                            {"side", frame.side()},
                            {"occupancy", double(file.voxels()) / std::ldexp(1.0, 6 * frame.levels)},
-                           {"bounds", box_json(occupied_box(tree))},
+                           {"bounds", box_json(occupied_bounds(tree))},
                            {"bounds_within", frame.voxel_size * std::ldexp(1.0, 2 * (frame.levels - levels))},
                            {"crs", file.labels().crs.empty() ? ordered_json() : ordered_json(file.labels().crs)},
                            {"level_table", rows},

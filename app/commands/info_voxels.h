@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
@@ -7,8 +8,8 @@
 
 namespace strata {
 
-/// What `strata info` says of a voxel file: by its header and directory; with `exact`, all of it is read and checked.
-/// threads  to read with
-nlohmann::ordered_json voxel_report(const std::string& path, const Format& format, bool exact, int threads);
+/// What `strata info` says of a voxel file: by its header and directory; with `exact`, every block is
+/// checked, and so is the tree as far as it fits in memory.
+nlohmann::ordered_json voxel_report(const std::string& path, const Format& format, bool exact, uint64_t memory_bytes, int threads);
 
 }  // namespace strata

@@ -55,11 +55,16 @@ public:
         if (found == kKinds.end()) throw wrong_kind(request, "conservative, thin, solid or level-set for a mesh");
         settings_.kind = found->second;
         if (request.attributes) attributes_ = *request.attributes;
-        if (attributes_.any_of_voxels()) throw Error(ErrorKind::usage, "--attributes: voxels of a mesh have opacity only");
+        if (attributes_.count) throw Error(ErrorKind::usage, "--attributes: count is of points");
+        if (attributes_.any_of_voxels() && settings_.kind == VoxelKind::solid) throw Error(ErrorKind::usage, "--attributes: solid voxels have opacity only");
         auto [mesh, box, remarks] = read_triangles(path, request.memory_bytes);
         mesh_ = std::move(mesh);
         notes = std::move(remarks);
         frame_ = frame_of(box, request);
+        if (!request.attributes) attributes_.color = !mesh_.colors.empty() && settings_.kind != VoxelKind::solid;
+        if (attributes_.color && mesh_.colors.empty()) throw Error(ErrorKind::usage, "--attributes: " + path + " has no colors");
+        settings_.attributes = attributes_;
+        settings_.attributes.opacity = false;  // of coarser cells
         settings_.threads = request.threads;
         settings_.memory_bytes = request.memory_bytes - std::min(request.memory_bytes, mesh_.size_bytes());
     }
@@ -96,9 +101,9 @@ private:
 /// Occupied points of a grid, which lie where the grid says.
 class GridInput : public VoxelInput {
 public:
-    GridInput(const std::string& path, const VoxelRequest& request)
-        : voxels_(read_vdb_voxels(path, {.grid = request.grid, .isovalue = request.isovalue, .memory_bytes = request.memory_bytes})) {
+    GridInput(const std::string& path, const VoxelRequest& request) {
         if (!request.not_for_grids.empty()) throw Error(ErrorKind::usage, request.not_for_grids + ": the voxels of a .vdb file are as they are");
+        voxels_ = read_vdb_voxels(path, {.grid = request.grid, .isovalue = request.isovalue, .memory_bytes = request.memory_bytes});
         kind_ = voxels_.grid.grid_class == "level set" ? "level-set" : "grid";
     }
 
@@ -137,7 +142,11 @@ public:
         return true;
     }
 
-    uint64_t write_own_grid(const std::string& path, bool overwrite) override { return level_set_->write(path, overwrite); }
+    bool has_own_grid() const override { return true; }
+    uint64_t write_own_grid(const std::string& path, bool overwrite, Durability durability) override {
+        if (attributes_.opacity) throw Error(ErrorKind::usage, "--attributes: a .vdb file keeps count and color");
+        return level_set_->write(path, overwrite, {}, durability);
+    }
 
 private:
     std::unique_ptr<MeshLevelSet> level_set_;

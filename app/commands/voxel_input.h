@@ -10,6 +10,7 @@
 #include "app/progress.h"
 #include "core/voxel/voxel_block.h"
 #include "core/voxel/voxel_frame.h"
+#include "io/output_file.h"
 
 namespace strata {
 
@@ -42,9 +43,10 @@ public:
     /// Hands all voxels out. A second time, with a frame that holds more, where it gives false: then the bounds of the file were wrong.
     virtual bool voxelize(const VoxelSink& sink, ProgressLine& progress) = 0;
 
-    /// Writes the input's own grid as a `.vdb` file, where it has one: then nothing is lost on the way through voxels.
-    /// returns  bytes; 0: there is none
-    virtual uint64_t write_own_grid(const std::string& /*path*/, bool /*overwrite*/) { return 0; }
+    /// Whether it has a grid of its own, which loses nothing as a `.vdb` file.
+    virtual bool has_own_grid() const { return false; }
+    /// Writes that. returns  bytes
+    virtual uint64_t write_own_grid(const std::string& /*path*/, bool /*overwrite*/, Durability) { return 0; }
 
     /// What was odd; a line each.
     std::vector<std::string> notes;

@@ -40,15 +40,11 @@ public:
     }
 
     void add(const VoxelBatch& batch) override {
-        try {
-            builder_.add(batch);
-        } catch (const Error& error) {
-            if (error.kind != ErrorKind::limit) throw;
-            throw error.within("--dag needs the whole tree in half of --memory");
-        }
+        with_hint([&] { builder_.add(batch); });
     }
+    uint64_t estimated_bytes(uint64_t) const override { return 0; }  // known when it is done
     VoxelOutputReport commit() override {
-        const VoxelTreeCounts counts = builder_.finish();
+        const VoxelTreeCounts counts = finish();
         const VoxelDag dag = dag_of(memory_.take());
         write_svo_dag(dag, writer_);
         VoxelOutputReport report = {.voxels = counts.voxels, .bytes = writer_.commit(counts.voxels, durability_), .nodes = sum_of(counts.nodes)};
@@ -57,6 +53,21 @@ public:
     }
 
 private:
+    template <typename Act>
+    static void with_hint(const Act& act) {
+        try {
+            act();
+        } catch (const Error& error) {
+            if (error.kind != ErrorKind::limit) throw;
+            throw error.within("--dag needs the whole tree in half of --memory");
+        }
+    }
+    VoxelTreeCounts finish() {
+        VoxelTreeCounts counts;
+        with_hint([&] { counts = builder_.finish(); });
+        return counts;
+    }
+
     Durability durability_;
     SvoWriter writer_;
     VoxelTreeInMemory memory_;
@@ -66,7 +77,7 @@ private:
 class VdbOutput : public VoxelOutput {
 public:
     VdbOutput(const VoxelOutputRequest& request, const VoxelFrame& frame, const VoxelAttributes& attributes)
-        : durability_(request.durability), writer_(request.path, request.overwrite, frame), builder_(frame, {}, nothing_) {
+        : durability_(request.durability), writer_(request.path, request.overwrite, frame, {.memory_bytes = request.memory_bytes / 2}), builder_(frame, {}, nothing_) {
         if (attributes.normal || attributes.opacity) throw Error(ErrorKind::usage, "--attributes: a .vdb file keeps count and color");
     }
 
@@ -74,6 +85,7 @@ public:
         writer_.add(batch);
         builder_.add({.blocks = batch.blocks});
     }
+    uint64_t estimated_bytes(uint64_t) const override { return 0; }  // compressed
     VoxelOutputReport commit() override {
         const VoxelTreeCounts counts = builder_.finish();
         return {.voxels = counts.voxels, .bytes = writer_.commit(durability_), .nodes = sum_of(counts.nodes)};

@@ -36,6 +36,8 @@ public:
     virtual void add(const VoxelBatch& batch) = 0;
     /// Gives the file its name. Once.
     virtual VoxelOutputReport commit() = 0;
+    /// Bytes of disk for voxels whose masks take so many.
+    virtual uint64_t estimated_bytes(uint64_t mask_bytes) const { return mask_bytes; }
 };
 
 /// The request of the options --output, --dag, --overwrite, --no-sync and --memory.

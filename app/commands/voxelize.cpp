@@ -10,6 +10,7 @@
 #include "app/commands/voxel_input.h"
 #include "app/commands/voxel_output.h"
 #include "app/peak_memory.h"
+#include "app/printable_text.h"
 #include "app/quantity_text.h"
 #include "core/error.h"
 #include "io/scratch_file.h"
@@ -27,7 +28,7 @@ constexpr OptionRow kRows[] = {
     {"--voxel-size", "-s", "UNITS", "", "side of a voxel, CRS units, instead of --resolution; faces of voxels lie on its multiples"},
     {"--kind", "-k", "KIND", "", "of a mesh: conservative (each voxel that the surface touches; the default), thin (a layer that no path through faces of voxels crosses), solid (voxels whose center is inside), level-set (OpenVDB's signed distance, whose inside is occupied); of points: points (voxels that hold some)"},
     {"--dag", "", "", "", "store identical subtrees once: what is occupied, in a fraction of the bytes; needs memory for the whole tree"},
-    {"--attributes", "-a", "LIST", "", "what voxels know beside: color, normal, count (of points), opacity (of coarser cells, for shadows and cones), or none, with commas; default: the color that points have, and none with --dag"},
+    {"--attributes", "-a", "LIST", "", "what voxels know beside: color, normal, count (of points), opacity (of coarser cells, for shadows and cones), or none, with commas; default: the color that points or vertices have, and none with --dag"},
     {"--grid", "", "NAME", "", "of a .vdb file: the grid of that name; default: the first that can be read"},
     {"--isovalue", "", "V", "0", "of a .vdb file: a level set is occupied where it is at most V, a fog volume where it is active and above V"},
     {"--no-sync", "", "", "", "do not wait until the output is on the disk; a power cut may lose it"},
@@ -77,23 +78,26 @@ VoxelRequest request_of(const Options& options, const std::string& output) {
     return request;
 }
 
-void check_disk(const std::string& output, const std::string& folder, uint64_t needed) {
-    const uint64_t free = needed > 0 ? free_disk_bytes(folder) : 0;
+void check_disk(const std::string& output, uint64_t needed) {
+    const uint64_t free = needed > 0 ? free_disk_bytes(fs::absolute(output).parent_path().string()) : 0;
     if (needed > free)
         throw Error(ErrorKind::io, output + ": about " + size_text(needed) + " of disk are needed, " + size_text(free) + " are free");
 }
 
+VoxelOutputReport write_own_grid(const VoxelOutputRequest& request, VoxelInput& input, ProgressLine& progress) {
+    VoxelOutputReport report;
+    input.voxelize([&](const VoxelBatch& batch) {
+        for (const VoxelBlock& block : batch.blocks) report.voxels += uint64_t(std::popcount(block.mask)) << 6 * block.height;
+    }, progress);
+    report.bytes = input.write_own_grid(request.path, request.overwrite, request.durability);
+    return report;
+}
+
 VoxelOutputReport write_voxels(const VoxelOutputRequest& request, VoxelInput& input, ProgressLine& progress) {
-    if (request.path.ends_with(".vdb"))
-        if (const uint64_t bytes = input.write_own_grid(request.path, request.overwrite); bytes > 0) {
-            VoxelOutputReport report = {.bytes = bytes};
-            input.voxelize([&](const VoxelBatch& batch) {
-                for (const VoxelBlock& block : batch.blocks) report.voxels += uint64_t(std::popcount(block.mask)) << 6 * block.height;
-            }, progress);
-            return report;
-        }
+    if (request.path.ends_with(".vdb") && input.has_own_grid()) return write_own_grid(request, input, progress);
     for (bool again = false;; again = true) {
         const std::unique_ptr<VoxelOutput> output = make_voxel_output(request, input.frame(), input.attributes(), {input.kind(), input.crs()});
+        check_disk(request.path, output->estimated_bytes(input.estimated_bytes()));
         if (input.voxelize([&](const VoxelBatch& batch) { output->add(batch); }, progress)) return output->commit();
         if (again) throw Error(ErrorKind::malformed, "points lie outside of their own bounds");
     }
@@ -133,14 +137,14 @@ int run(const Options& options) {
     const auto start = std::chrono::steady_clock::now();
     ProgressLine progress(quiet);
     const std::unique_ptr<VoxelInput> input = open_voxel_input(options.positional, request);
-    check_disk(output.path, request.scratch_folder, input->estimated_bytes());
     const VoxelOutputReport written = write_voxels(output, *input, progress);
     progress.clear();
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     if (written.voxels == 0) input->notes.push_back("there are no voxels: nothing lies inside");
     for (const std::string& note : input->notes)
-        if (!quiet) std::fprintf(stderr, "note: %s\n", note.c_str());
-    if (json) std::printf("%s\n", report_json(written, *input, seconds).dump(2).c_str());
+        if (!quiet) std::fprintf(stderr, "note: %s\n", printable(note).c_str());
+    // Names from a file may be of any encoding; JSON is UTF-8.
+    if (json) std::printf("%s\n", report_json(written, *input, seconds).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
     else if (!quiet) print_summary(output.path, written, input->frame().voxel_size, seconds);
     return 0;
 }

@@ -10,7 +10,7 @@
 
 namespace strata {
 
-// A mask of 4^3 cells, bit 16 x1 + ... in Morton order, x highest: bit octant_code(x & 3, y & 3, z & 3) is cell (x, y, z). So each
+// A mask of 4^3 cells in Morton order, x highest: bit octant_code(x & 3, y & 3, z & 3) is cell (x, y, z). So each
 // byte is one of the eight octants, in the order of octant digits, and each bit of a byte an octant of that.
 inline constexpr uint64_t kFullMask = ~uint64_t{0};
 

@@ -160,8 +160,7 @@ void index_dag(VoxelDag& dag) {
         DagLevel& level = dag.levels[l];
         const size_t nodes = level.masks.size();
         if (l == 0 && nodes != 1) refuse(l, "one root expected, found " + std::to_string(nodes));
-        if (nodes == 0 || nodes > std::numeric_limits<uint32_t>::max())
-            refuse(l, "1 to 2^32 - 1 nodes expected, found " + std::to_string(nodes));
+        if (nodes > std::numeric_limits<uint32_t>::max()) refuse(l, "at most 2^32 - 1 nodes expected, found " + std::to_string(nodes));
         if (!level.full.empty() && level.full.size() != nodes)
             refuse(l, std::to_string(nodes) + " masks of full cells expected, found " + std::to_string(level.full.size()));
         const bool last = l + 1 == dag.levels.size();

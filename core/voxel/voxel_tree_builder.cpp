@@ -269,8 +269,8 @@ VoxelTreeInMemory::VoxelTreeInMemory(const VoxelFrame& frame, const VoxelAttribu
 }
 
 void VoxelTreeInMemory::append(VoxelStream stream, std::span<const std::byte> bytes) {
-    // Arrays grow by halves, and masks are indexed by half their size.
-    bytes_ += bytes.size() + bytes.size() / 2;
+    // Arrays that grow are copied to others of twice the size.
+    bytes_ += 3 * bytes.size();
     if (bytes_ > most_bytes_)
         throw Error(ErrorKind::limit, "the tree takes more than the " + std::to_string(most_bytes_) + " bytes of memory that it may take");
     visit_stream(tree_, stream, [&](auto& array) {

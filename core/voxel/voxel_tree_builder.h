@@ -41,8 +41,8 @@ struct VoxelTreeCounts {
     std::vector<uint64_t> cells;  // [1 + depth] stored cells by depth; cells below full ones are not stored
 };
 
-/// Builds a sparse voxel octree from blocks in Morton order. Needs one node a level, and no other memory: what is finished
-/// goes to the sink at once, so trees of any size can be built.
+/// Builds a sparse voxel octree from blocks in Morton order. Needs one node a level and 16 KiB a stream of memory: what is finished
+/// goes to the sink, so trees of any size can be built.
 /// Of coarser cells, count is the sum of their voxels'; color and normal are the means of their voxels', weighted by count where that is
 /// known; opacity along an axis is the mean over the four columns of two cells of 1 - (1 - a)(1 - b), so that a wall stays
 /// opaque from the front and becomes thin from the side.
@@ -70,7 +70,7 @@ private:
     struct OpenNode {
         bool active = false;
         uint64_t code = 0, mask = 0, full = 0;
-        std::array<Sums, 64> cells;             // by bit; of those that are not in the mask zero
+        std::array<Sums, 64> cells;             // by bit; of those that are in the mask
     };
 
     struct Buffer {

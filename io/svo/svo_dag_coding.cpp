@@ -47,6 +47,7 @@ std::vector<uint64_t> decode_masks(std::span<const uint8_t> bytes, const std::st
     std::vector<uint64_t> masks;
     for (size_t next = 0; next < bytes.size();) {
         const uint8_t present = bytes[next++];
+        if (present == 0) fail("one of them is 0");
         if (size_t(std::popcount(present)) > bytes.size() - next) fail("they end within a mask");
         uint64_t mask = 0;
         for (int i = 0; i < 8; ++i) {

@@ -5,12 +5,13 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "core/error.h"
 #include "core/parallel.h"
 #include "io/byte_reader.h"
-#include "io/svo/svo_layout.h"
 #include "io/svo/svo_dag_coding.h"
+#include "io/svo/svo_layout.h"
 
 namespace strata {
 namespace {
@@ -35,6 +36,27 @@ bool is_place(VoxelStream stream, int levels, bool dag) {
         case Kind::opacity: return !dag && stream.place >= 1 && stream.place < 2 * levels;
         default: return !dag && stream.place >= 1 && stream.place <= 2 * levels;
     }
+}
+
+// As many as a whole level or depth has.
+uint64_t most_elements(VoxelStream stream) {
+    switch (stream.kind) {
+        case Kind::mask:
+        case Kind::full: return uint64_t{1} << 6 * stream.place;
+        case Kind::pointer:
+        case Kind::packed_mask: return std::numeric_limits<uint64_t>::max();  // bytes
+        default: return uint64_t{1} << 3 * stream.place;
+    }
+}
+
+// Behind its kind and place.
+void skip_stream(ByteReader& reader) {
+    reader.skip(2);
+    const uint64_t in_block = reader.read<uint32_t>(), elements = reader.read<uint64_t>();
+    if (in_block == 0) reader.fail("blocks of no elements");
+    const uint64_t blocks = elements / in_block + (elements % in_block != 0 ? 1 : 0);
+    if (blocks > reader.left() / svo::kBlockEntryBytes) reader.fail("more blocks than the directory has");
+    reader.skip(blocks * svo::kBlockEntryBytes);
 }
 
 }  // namespace
@@ -98,9 +120,12 @@ void SvoFile::read_directory(uint64_t offset, uint64_t size, uint32_t expected_c
     uint64_t room = offset - svo::kHeaderBytes;  // streams do not overlap, so they are no longer than that together
     for (uint32_t i = 0; i < count; ++i) {
         Stream stream;
-        const uint8_t kind = reader.read<uint8_t>();
-        if (kind > uint8_t(Kind::packed_mask)) reader.fail("a stream of kind " + std::to_string(kind) + "; 0 to 7 are known");
-        stream.name = {Kind(kind), reader.read<uint8_t>()};
+        const uint8_t kind = reader.read<uint8_t>(), stream_place = reader.read<uint8_t>();
+        if (kind > uint8_t(Kind::packed_mask)) {  // of a later minor version
+            skip_stream(reader);
+            continue;
+        }
+        stream.name = {Kind(kind), stream_place};
         if (!is_place(stream.name, frame_.levels, dag_.has_value())) reader.fail(name_of(stream.name) + " are not expected in a tree of " + std::to_string(frame_.levels) + " levels");
         if (find(stream.name) != nullptr) reader.fail("two streams of " + name_of(stream.name));
         const size_t element = element_size(stream.name.kind);
@@ -108,6 +133,7 @@ void SvoFile::read_directory(uint64_t offset, uint64_t size, uint32_t expected_c
         stream.block_elements = reader.read<uint32_t>();
         stream.elements = reader.read<uint64_t>();
         if (stream.block_elements < 1 || stream.block_elements > svo::kBlockBytes) reader.fail(name_of(stream.name) + ": blocks of 1 to 65536 elements are expected");
+        if (stream.elements > most_elements(stream.name)) reader.fail(name_of(stream.name) + ": more of them than there are places");
         if (stream.elements > room / element) reader.fail(name_of(stream.name) + ": more bytes than the file has");
         room -= stream.elements * element;
         const uint64_t blocks = (stream.elements + stream.block_elements - 1) / stream.block_elements;
@@ -221,6 +247,14 @@ VoxelTree SvoFile::load_from_dag(size_t levels) const {
     uint64_t most_nodes = 0;
     for (size_t level = 0; level < levels; ++level) most_nodes += dag_counts_[level].tree_nodes;
     return expand(coarse, most_nodes);
+}
+
+void SvoFile::verify(int threads) const {
+    for (const Stream& stream : streams_)
+        parallel_blocks(threads, stream.blocks.size(), 16, [&](size_t begin, size_t end) {
+            std::vector<std::byte> bytes;
+            for (size_t block = begin; block < end; ++block) read_block(stream, block, bytes);
+        });
 }
 
 uint64_t SvoFile::memory_bytes(int levels, bool with_attributes) const {

@@ -24,7 +24,7 @@ public:
 
     const VoxelFrame& frame() const { return frame_; }
     const SvoLabels& labels() const { return labels_; }
-    /// The DAG of a file of that layout, which is read when the file is opened: it is small. Null: a tree.
+    /// The DAG of a file of that layout, which is read when the file is opened and takes at most 16 times its bytes. Null: a tree.
     const VoxelDag* dag() const { return dag_ ? &*dag_ : nullptr; }
     uint64_t voxels() const { return voxels_; }
     uint64_t size_bytes() const { return source_->size(); }
@@ -38,6 +38,10 @@ public:
     /// Reads elements of a stream; `out` holds whole ones. Touches only the blocks that have them.
     /// throws  Error{malformed}: beyond the end, or a block's checksum is wrong
     void read(VoxelStream stream, uint64_t first, std::span<std::byte> out) const;
+
+    /// Reads every block.
+    /// throws  Error{malformed}: a checksum is wrong
+    void verify(int threads) const;
 
     /// Bytes that a tree of the first `levels` levels takes in memory.
     uint64_t memory_bytes(int levels, bool with_attributes) const;

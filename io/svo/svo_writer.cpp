@@ -9,7 +9,6 @@
 
 #include "io/svo/svo_dag_coding.h"
 
-
 namespace strata {
 namespace {
 
@@ -34,6 +33,16 @@ public:
 private:
     std::vector<std::byte> bytes_;
 };
+
+// The pointers of all nodes, one after the other.
+std::vector<uint32_t> pointers_of(const DagLevel& level) {
+    std::vector<uint32_t> pointers;
+    for (size_t node = 0; node < level.masks.size(); ++node) {
+        const int children = std::popcount(level.masks[node] & ~level.full_mask(node));
+        for (int child = 0; child < children; ++child) pointers.push_back(level.pointers[level.first_pointer[node] + uint32_t(child)]);
+    }
+    return pointers;
+}
 
 }  // namespace
 
@@ -118,16 +127,6 @@ uint64_t SvoWriter::commit(uint64_t voxels, Durability durability) {
     const uint64_t size = file_.size();
     file_.commit(durability);
     return size;
-}
-
-// One after the other, of all nodes.
-static std::vector<uint32_t> pointers_of(const DagLevel& level) {
-    std::vector<uint32_t> pointers;
-    for (size_t node = 0; node < level.masks.size(); ++node) {
-        const int children = std::popcount(level.masks[node] & ~level.full_mask(node));
-        for (int child = 0; child < children; ++child) pointers.push_back(level.pointers[level.first_pointer[node] + uint32_t(child)]);
-    }
-    return pointers;
 }
 
 void write_svo_dag(const VoxelDag& dag, VoxelTreeSink& out) {

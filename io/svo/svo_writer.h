@@ -16,7 +16,7 @@ namespace strata {
 
 /// What a voxel file says of itself beside its voxels.
 struct SvoLabels {
-    std::string kind;  // how its voxels were made: "solid", "conservative", "thin", "points", "level-set"
+    std::string kind;  // how its voxels were made: "solid", "conservative", "thin", "points", "level-set", "grid"
     std::string crs;   // as CloudInfo has it; empty: unknown
 };
 

@@ -8,8 +8,8 @@
 
 #include "core/error.h"
 #include "core/voxel/voxel_dag.h"
-#include "io/svo/svo_layout.h"
 #include "io/svo/svo_dag_coding.h"
+#include "io/svo/svo_layout.h"
 #include "tests/support/dense_voxels.h"
 #include "tests/support/temporary_folder.h"
 
@@ -50,6 +50,7 @@ void expect_equal(const VoxelTree& tree, const VoxelTree& other, size_t levels) 
         EXPECT_EQ(tree.levels[level].masks, other.levels[level].masks);
         EXPECT_EQ(tree.levels[level].full, other.levels[level].full);
     }
+    ASSERT_EQ(tree.attributes.size(), other.attributes.empty() || tree.empty() ? 0 : 2 * levels + 1);
     for (size_t depth = 0; depth < tree.attributes.size(); ++depth) {
         EXPECT_EQ(tree.attributes[depth].counts, other.attributes[depth].counts);
         EXPECT_EQ(tree.attributes[depth].colors, other.attributes[depth].colors);
@@ -84,7 +85,7 @@ TEST(SvoFile, GivesBackWhatWasWritten) {
             EXPECT_EQ(file.labels().kind, "solid");
             EXPECT_EQ(file.labels().crs, "EPSG:25832");
             EXPECT_EQ(file.voxels(), uint64_t(std::count(grid.solid.begin(), grid.solid.end(), 1)));
-            if (file.voxels() > 0 && grid.levels > 0) EXPECT_EQ(file.attributes(), attributes);
+            if (file.voxels() > 0) EXPECT_EQ(file.attributes(), attributes);
             expect_equal(file.load(kMostVoxelLevels, true, 2), built(grid, attributes), size_t(grid.levels));
         }
 }
@@ -99,7 +100,9 @@ void write_dag(const std::string& path, const DenseVoxels& grid) {
 TEST(SvoFile, DagsGiveBackTheirTree) {
     const TemporaryFolder folder;
     int number = 0;
-    for (const DenseVoxels& grid : {random_grid(3, 0.02, 1), ball_grid(4, 0.45), random_grid(1, 0.5, 4), DenseVoxels(2)}) {
+    DenseVoxels whole(2);
+    std::fill(whole.solid.begin(), whole.solid.end(), char(1));
+    for (const DenseVoxels& grid : {random_grid(3, 0.02, 1), ball_grid(4, 0.45), random_grid(1, 0.5, 4), DenseVoxels(2), whole}) {
         const std::string path = folder.file(std::to_string(number++) + ".svo");
         write_dag(path, grid);
         const SvoFile file = open_svo(path);
@@ -206,6 +209,11 @@ TEST(SvoFile, EveryTruncationAndFlippedBitIsFound) {
     const std::vector<std::byte> dag = bytes_of(folder.file("b.svo"));
     EXPECT_NO_THROW(open_and_load(dag));
     for (size_t size = 0; size < dag.size(); ++size) EXPECT_THROW(open_and_load({dag.begin(), dag.begin() + std::ptrdiff_t(size)}), Error) << size;
+    for (size_t bit = 0; bit < 8 * dag.size(); ++bit) {
+        std::vector<std::byte> damaged = dag;
+        damaged[bit / 8] ^= std::byte(1 << bit % 8);
+        EXPECT_THROW(open_and_load(damaged), Error) << "bit " << bit;
+    }
 }
 
 // A hostile file has checksums that fit. Whatever it says, it is refused or read within its own size.
@@ -214,31 +222,31 @@ TEST(SvoFile, LiesThatCheckOutAreRefusedOrHarmless) {
     write_svo(folder.file("a.svo"), random_grid(2, 0.1, 3), kAll);
     write_dag(folder.file("b.svo"), random_grid(3, 0.01, 3));
     for (const char* const name : {"a.svo", "b.svo"}) {
-    const std::vector<std::byte> whole = bytes_of(folder.file(name));
-    uint64_t offset = 0, size = 0;
-    std::memcpy(&offset, whole.data() + 64, 8);
-    std::memcpy(&size, whole.data() + 72, 8);
-    ASSERT_EQ(offset + size, whole.size());
-    std::mt19937 random(17);
-    int refused = 0;
-    for (int i = 0; i < 20000; ++i) {
-        std::vector<std::byte> lie = whole;
-        // A number of the header or the directory becomes another, often an extreme one.
-        const bool in_header = i % 4 == 0;
-        const size_t at = in_header ? 8 + random() % 76 : size_t(offset) + random() % size;
-        const size_t bytes = std::min<size_t>(size_t{1} << random() % 4, lie.size() - at);
-        const uint64_t value = random() % 3 == 0 ? ~uint64_t{0} >> random() % 64 : random() % 3 == 0 ? random() : (uint64_t{1} << random() % 64);
-        std::memcpy(lie.data() + at, &value, bytes);
-        const auto put = [&](size_t place, uint32_t number) { std::memcpy(lie.data() + place, &number, 4); };
-        put(80, svo::checksum(lie.data() + offset, size));
-        put(124, svo::checksum(lie.data(), 124));
-        try {
-            open_and_load(lie);
-        } catch (const Error&) {
-            ++refused;
+        const std::vector<std::byte> whole = bytes_of(folder.file(name));
+        uint64_t offset = 0, size = 0;
+        std::memcpy(&offset, whole.data() + 64, 8);
+        std::memcpy(&size, whole.data() + 72, 8);
+        ASSERT_EQ(offset + size, whole.size());
+        std::mt19937 random(17);
+        int refused = 0;
+        for (int i = 0; i < 20000; ++i) {
+            std::vector<std::byte> lie = whole;
+            // A number of the header or the directory becomes another, often an extreme one.
+            const bool in_header = i % 4 == 0;
+            const size_t at = in_header ? 8 + random() % 76 : size_t(offset) + random() % size;
+            const size_t bytes = std::min<size_t>(size_t{1} << random() % 4, lie.size() - at);
+            const uint64_t value = random() % 3 == 0 ? ~uint64_t{0} >> random() % 64 : random() % 3 == 0 ? random() : (uint64_t{1} << random() % 64);
+            std::memcpy(lie.data() + at, &value, bytes);
+            const auto put = [&](size_t place, uint32_t number) { std::memcpy(lie.data() + place, &number, 4); };
+            put(80, svo::checksum(lie.data() + offset, size));
+            put(124, svo::checksum(lie.data(), 124));
+            try {
+                open_and_load(lie);
+            } catch (const Error&) {
+                ++refused;
+            }
         }
-    }
-    EXPECT_GT(refused, 10000);
+        EXPECT_GT(refused, 10000);
     }
 }
 
