@@ -11,7 +11,7 @@
 namespace strata {
 namespace {
 
-constexpr int kBrick = 8;
+constexpr int kBrick = 8, kOctant = 4;
 constexpr size_t kBatch = 4096;  // blocks
 
 uint64_t first_block(const VoxelBlock& block) { return block.code << 6 * block.height; }
@@ -42,7 +42,15 @@ VoxelFrame BrickVoxels::finish(const Vec3d& place_of_0, double voxel_size, int l
             high[axis] = std::max<int64_t>(high[axis], origin[axis] + side);
         }
     };
-    for (const Brick& brick : bricks_) extend(brick.origin, kBrick);
+    // By octants: a frame of one level is half as wide as a brick.
+    for (const Brick& brick : bricks_)
+        for (uint64_t octant = 0; octant < 8; ++octant) {
+            if (brick.masks[octant] == 0) continue;
+            const std::array<uint32_t, 3> place = coordinates_of_code(octant);
+            std::array<int32_t, 3> origin = brick.origin;
+            for (size_t axis = 0; axis < 3; ++axis) origin[axis] += kOctant * int32_t(place[axis]);
+            extend(origin, kOctant);
+        }
     for (const Cube& cube : cubes_) extend(cube.origin, int64_t{1} << cube.log2_side);
     if (voxels_ == 0) low = high = {};
     int largest = 3;

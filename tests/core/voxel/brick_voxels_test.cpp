@@ -111,10 +111,29 @@ TEST(BrickVoxels, AFrameIsKeptWhereAllFits) {
     EXPECT_EQ(voxels.finish(Vec3d::Zero(), 1.0, 4), (VoxelFrame{.origin = Vec3d::Constant(-0.5), .voxel_size = 1.0, .levels = 4}));
     BrickVoxels outside;
     outside.add_brick({-8, 0, 0}, {1});
-    EXPECT_EQ(outside.finish(Vec3d::Zero(), 1.0, 4).levels, 2);
+    EXPECT_EQ(outside.finish(Vec3d::Zero(), 1.0, 4).levels, 1);
     BrickVoxels beyond;
     beyond.add_brick({256, 0, 0}, {1});
     EXPECT_EQ(beyond.finish(Vec3d::Zero(), 1.0, 4).origin.x(), 255.5);
+}
+
+// A frame of one level is half as wide as a brick.
+TEST(BrickVoxels, AFrameOfOneLevelIsKept) {
+    BrickVoxels voxels;
+    voxels.add_brick({0, 0, 0}, {uint64_t{1} | uint64_t{1} << 63});
+    const VoxelFrame frame = voxels.finish(Vec3d(1, 2, 3), 1.0, 1);
+    EXPECT_EQ(frame, (VoxelFrame{.origin = Vec3d(0.5, 1.5, 2.5), .voxel_size = 1.0, .levels = 1}));
+    const VoxelTree tree = tree_of(voxels, frame);
+    EXPECT_EQ(count_voxels(tree), 2u);
+    EXPECT_TRUE(is_occupied(tree, 0, 0, 0));
+    EXPECT_TRUE(is_occupied(tree, 3, 3, 3));
+    for (const size_t octant : {1, 2, 4}) {  // each beyond along one axis
+        std::array<uint64_t, 8> masks{};
+        masks[octant] = 1;
+        BrickVoxels wider;
+        wider.add_brick({0, 0, 0}, masks);
+        EXPECT_EQ(wider.finish(Vec3d::Zero(), 1.0, 1).levels, 2);
+    }
 }
 
 TEST(BrickVoxels, NoVoxelsAreNoBlocks) {
