@@ -59,7 +59,8 @@ Vec3d read_vector(ByteStream& stream) {
     return vector;
 }
 
-void read_transform(ByteStream& stream, VdbGrid& grid) {
+// returns  whether the stream is behind it: of a map that is not known the size is not
+bool read_transform(ByteStream& stream, VdbGrid& grid) {
     grid.map = read_text(stream);
     Vec3d scale = Vec3d::Ones(), shift = Vec3d::Zero();
     const bool scales = grid.map.ends_with("ScaleMap") || grid.map.ends_with("ScaleTranslateMap");
@@ -74,14 +75,15 @@ void read_transform(ByteStream& stream, VdbGrid& grid) {
         scale = {matrix[0], matrix[5], matrix[10]};
         shift = {matrix[12], matrix[13], matrix[14]};
         for (const size_t other : {1, 2, 3, 4, 6, 7, 8, 9, 11})
-            if (matrix[other] != 0.0) return;
-        if (matrix[15] != 1.0) return;
+            if (matrix[other] != 0.0) return true;
+        if (matrix[15] != 1.0) return true;
     } else if (grid.map != "TranslationMap") {
-        return;  // a frustum; its size is not known
+        return false;  // a frustum
     }
-    if (!scale.allFinite() || !shift.allFinite() || scale.minCoeff() <= 0.0) return;
+    if (!scale.allFinite() || !shift.allFinite() || scale.minCoeff() <= 0.0) return true;
     grid.voxel_size = scale;
     grid.place_of_0 = shift;
+    return true;
 }
 
 // "Tree_float_5_4_3_HalfFloat"
@@ -152,8 +154,7 @@ VdbFile read_vdb_header(ByteStream& stream) {
         stream.seek(descriptor.begin);
         grid.compression = stream.number<uint32_t>();
         read_metadata(stream, &grid);
-        read_transform(stream, grid);
-        grid.tree_offset = stream.position();
+        if (read_transform(stream, grid)) grid.tree_offset = stream.position();
         grid.tree_end = descriptor.end;
         if (grid.tree_offset > grid.tree_end) stream.fail_at_byte("grid " + std::to_string(i) + ": its tree begins beyond its end");
         // Each grid's descriptor stands right before it, the next one's right behind its end.

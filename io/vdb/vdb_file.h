@@ -34,7 +34,7 @@ struct VdbGrid {
     int strata_levels = 0;  // of the frame that its voxels came from; 0: it is not ours
 
     uint32_t compression = 0;   // bits of OpenVDB: 1 zip, 2 active values only, 4 Blosc
-    uint64_t tree_offset = 0;   // where its tree begins, or that of the grid whose tree it shares,
+    uint64_t tree_offset = 0;   // where its tree begins, or that of the grid whose tree it shares; 0: not known, behind a map that is not,
     uint64_t tree_end = 0;      // and where that ends
 };
 

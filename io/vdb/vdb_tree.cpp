@@ -236,7 +236,7 @@ private:
 }  // namespace
 
 bool is_readable(const VdbGrid& grid) {
-    return grid.is_common && (grid.type == "float" || grid.type == "double" || grid.type == "bool" || grid.type == "mask");
+    return grid.is_common && grid.tree_offset != 0 && (grid.type == "float" || grid.type == "double" || grid.type == "bool" || grid.type == "mask");
 }
 
 double read_vdb_background(ByteStream& stream, const VdbGrid& grid) {
@@ -247,6 +247,8 @@ double read_vdb_background(ByteStream& stream, const VdbGrid& grid) {
 }
 
 void read_vdb_tree(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor) {
+    if (grid.is_common && grid.tree_offset == 0)
+        throw Error(ErrorKind::unsupported, stream.name() + ": grid " + grid.name + ": its tree stands behind a transform that is not read");
     if (!is_readable(grid))
         throw Error(ErrorKind::unsupported, stream.name() + ": grid " + grid.name + ": values of float, double, bool or mask are expected, they are " + grid.type);
     if (grid.type == "float")

@@ -19,14 +19,14 @@ struct VdbVisitor {
     std::function<void(const Vec3i& origin, std::span<const uint64_t, 8> active, std::span<const double, 512> values)> leaf;
 };
 
-/// Whether trees of its type are read.
+/// Whether trees of its type are read, and it is known where its tree is.
 bool is_readable(const VdbGrid& grid);
 
 /// The value of what no node of a grid that is_readable says.
 double read_vdb_background(ByteStream& stream, const VdbGrid& grid);
 
 /// Reads a grid's tree: its branches first, then its leaves. Keeps 12 bytes a leaf.
-/// throws  Error{malformed}, naming the byte; Error{unsupported}: a type that is not read; values that cannot be decompressed
+/// throws  Error{malformed}, naming the byte; Error{unsupported}: a type or a transform that is not read; values that cannot be decompressed
 void read_vdb_tree(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor);
 
 }  // namespace strata

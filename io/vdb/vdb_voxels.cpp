@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <map>
+#include <tuple>
 
 #include "core/error.h"
 #include "io/vdb/vdb_tree.h"
@@ -28,7 +30,7 @@ const VdbGrid& choose(const VdbFile& file, const std::string& name, const std::s
     const auto found = std::find_if(file.grids.begin(), file.grids.end(), [&](const VdbGrid& grid) { return any ? is_readable(grid) : grid.name == name; });
     if (found != file.grids.end()) return *found;
     std::string there;
-    for (const VdbGrid& grid : file.grids) there += (there.empty() ? "" : ", ") + grid.name + " (" + grid.type + ")";
+    for (const VdbGrid& grid : file.grids) there += (there.empty() ? "" : ", ") + grid.name + " (" + grid.type + (grid.tree_offset == 0 ? ", " + grid.map : "") + ")";
     if (there.empty()) throw Error(ErrorKind::unsupported, place + ": no grids are in this file");
     if (any) throw Error(ErrorKind::unsupported, place + ": a grid of float, double, bool or mask is expected, there are " + there);
     throw Error(ErrorKind::usage, place + ": no grid " + name + ", there are " + there);
@@ -88,14 +90,29 @@ VdbVoxels read_vdb_voxels(const ByteSource& source, const VdbVoxelSettings& sett
 
 VdbVoxels read_vdb_voxels(const std::string& path, const VdbVoxelSettings& settings) { return read_vdb_voxels(*open_file(path), settings); }
 
-VdbFile read_vdb_info(const std::string& path) {
-    const std::unique_ptr<ByteSource> source = open_file(path);
-    ByteStream stream(*source);
+VdbFile read_vdb_info(const ByteSource& source) {
+    ByteStream stream(source);
     VdbFile file = read_vdb_header(stream);
+    struct Counts {
+        uint64_t active;
+        Vec3i least, greatest;
+    };
+    std::map<std::tuple<uint64_t, std::string, bool>, Counts> counted;  // by tree and how it is read: many grids may share one
     for (VdbGrid& grid : file.grids) {
         if (!is_readable(grid)) continue;
         grid.background = read_vdb_background(stream, grid);
         if (grid.active_voxels) continue;
+        const auto say = [&grid](const Counts& counts) {
+            grid.active_voxels = counts.active;
+            if (counts.active == 0) return;
+            grid.least_index = counts.least;
+            grid.greatest_index = counts.greatest;
+        };
+        const std::tuple key(grid.tree_offset, grid.type, grid.is_half);
+        if (const auto known = counted.find(key); known != counted.end()) {
+            say(known->second);
+            continue;
+        }
         uint64_t count = 0;
         Vec3i least = Vec3i::Constant(std::numeric_limits<int>::max()), greatest = Vec3i::Constant(std::numeric_limits<int>::min());
         VdbVisitor visitor;
@@ -116,13 +133,11 @@ VdbFile read_vdb_info(const std::string& path) {
             }
         };
         read_vdb_tree(stream, grid, visitor);
-        grid.active_voxels = count;
-        if (count > 0) {
-            grid.least_index = least;
-            grid.greatest_index = greatest;
-        }
+        say(counted[key] = {count, least, greatest});
     }
     return file;
 }
+
+VdbFile read_vdb_info(const std::string& path) { return read_vdb_info(*open_file(path)); }
 
 }  // namespace strata

@@ -39,7 +39,9 @@ VdbVisitor gather_occupied(const VdbGrid& grid, const VdbVoxelSettings& settings
 VdbVoxels read_vdb_voxels(const std::string& path, const VdbVoxelSettings& settings = {});
 VdbVoxels read_vdb_voxels(const ByteSource& source, const VdbVoxelSettings& settings);
 
-/// The grids of a file, for `info`. Where a grid's counts are missing in the file and it can be read, it is read for them.
+/// The grids of a file, for `info`. Where a grid's counts are missing in the file and it can be read, it is read for them,
+/// once for all grids that share a tree.
 VdbFile read_vdb_info(const std::string& path);
+VdbFile read_vdb_info(const ByteSource& source);
 
 }  // namespace strata

@@ -99,6 +99,17 @@ constexpr std::array<std::array<uint16_t, 64>, 8> kPlaces = [] {
     return places;
 }();
 
+// What OpenVDB throws becomes an Error. place: for its message, may be empty
+template <typename Act>
+auto with_errors(const std::string& place, const Act& act) {
+    try {
+        return act();
+    } catch (const openvdb::Exception& failure) {
+        const bool is_io = dynamic_cast<const openvdb::IoError*>(&failure) != nullptr;
+        throw Error(is_io ? ErrorKind::io : ErrorKind::unsupported, (place.empty() ? "" : place + ": ") + "OpenVDB: " + failure.what());
+    }
+}
+
 openvdb::math::Transform::Ptr transform_of(const Vec3d& place_of_0, double voxel_size) {
     const auto transform = openvdb::math::Transform::createLinearTransform(voxel_size);
     transform->postTranslate({place_of_0.x(), place_of_0.y(), place_of_0.z()});
@@ -169,14 +180,16 @@ struct VdbWriter::Grids {
 
 VdbWriter::VdbWriter(const std::string& path, bool overwrite, const VoxelFrame& frame, const VdbWriteSettings& settings)
     : grids_(new Grids{.file = {path, overwrite}, .frame = frame, .settings = settings}) {
-    openvdb::initialize();
-    if (settings.as_mask) {
-        grids_->mask = grids_->make<openvdb::MaskGrid>("occupancy");
-        return;
-    }
-    grids_->fog = grids_->make<openvdb::FloatGrid>("occupancy");
-    grids_->fog->setGridClass(openvdb::GRID_FOG_VOLUME);
-    grids_->fog->setSaveFloatAsHalf(settings.half);
+    with_errors(path, [&] {
+        openvdb::initialize();
+        if (settings.as_mask) {
+            grids_->mask = grids_->make<openvdb::MaskGrid>("occupancy");
+            return;
+        }
+        grids_->fog = grids_->make<openvdb::FloatGrid>("occupancy");
+        grids_->fog->setGridClass(openvdb::GRID_FOG_VOLUME);
+        grids_->fog->setSaveFloatAsHalf(settings.half);
+    });
 }
 VdbWriter::~VdbWriter() = default;
 
@@ -204,18 +217,20 @@ void VdbWriter::add(const VoxelBatch& batch) {
 }
 
 uint64_t VdbWriter::commit(Durability durability) {
-    openvdb::GridCPtrVec grids;
-    if (grids_->fog) {
-        openvdb::tools::prune(grids_->fog->tree());
-        grids.push_back(grids_->fog);
-    }
-    if (grids_->mask) {
-        openvdb::tools::prune(grids_->mask->tree());
-        grids.push_back(grids_->mask);
-    }
-    if (grids_->count) grids.push_back(grids_->count);
-    if (grids_->color) grids.push_back(grids_->color);
-    return write_grids(grids_->file, grids, grids_->settings, durability);
+    return with_errors(grids_->file.path(), [&] {
+        openvdb::GridCPtrVec grids;
+        if (grids_->fog) {
+            openvdb::tools::prune(grids_->fog->tree());
+            grids.push_back(grids_->fog);
+        }
+        if (grids_->mask) {
+            openvdb::tools::prune(grids_->mask->tree());
+            grids.push_back(grids_->mask);
+        }
+        if (grids_->count) grids.push_back(grids_->count);
+        if (grids_->color) grids.push_back(grids_->color);
+        return write_grids(grids_->file, grids, grids_->settings, durability);
+    });
 }
 
 struct MeshLevelSet::Grid {
@@ -257,7 +272,9 @@ MeshLevelSet::MeshLevelSet(const TriangleMesh& mesh, const LevelSetSettings& set
     if (mesh.triangles.empty()) throw Error(ErrorKind::usage, "a level set needs triangles");
     if (!is_positive(settings.voxel_size)) throw Error(ErrorKind::usage, "a positive voxel size is expected");
     if (!is_positive(settings.half_width) || settings.half_width > 1000.0) throw Error(ErrorKind::usage, "a half width of up to 1000 voxels is expected");
-    const Box3d box = mesh.bounds();
+    Box3d box;  // of triangles: vertices that none uses may lie anywhere
+    for (const auto& triangle : mesh.triangles)
+        for (const uint32_t vertex : triangle) box.extend(mesh.positions[vertex]);
     if (box.size().maxCoeff() / settings.voxel_size + 2.0 * settings.half_width > 1 << 20)
         throw Error(ErrorKind::limit, "at most 1,048,576 voxels an axis can be held");
     const double bytes = estimated_bytes(mesh, settings);
@@ -265,15 +282,17 @@ MeshLevelSet::MeshLevelSet(const TriangleMesh& mesh, const LevelSetSettings& set
         throw Error(ErrorKind::limit, "the level set needs about " + std::to_string(uint64_t(bytes)) + " bytes of memory, " +
                                           std::to_string(settings.memory_bytes) + " are allowed");
     const Vec3d place_of_0 = (box.min / settings.voxel_size).array().floor().matrix() * settings.voxel_size;
-    openvdb::initialize();
-    const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, size_t(std::max(settings.threads, 1)));
-    const auto transform = transform_of(place_of_0, settings.voxel_size);
-    const IndexSpaceMesh index_mesh{mesh, place_of_0, settings.voxel_size};
-    const float width = float(settings.half_width);
-    const auto grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(index_mesh, *transform, width, width);
-    grid->setName("surface");
-    grid->setGridClass(openvdb::GRID_LEVEL_SET);
-    grid_.reset(new Grid{grid, place_of_0, settings.voxel_size});
+    with_errors("", [&] {
+        openvdb::initialize();
+        const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, size_t(std::max(settings.threads, 1)));
+        const auto transform = transform_of(place_of_0, settings.voxel_size);
+        const IndexSpaceMesh index_mesh{mesh, place_of_0, settings.voxel_size};
+        const float width = float(settings.half_width);
+        const auto grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(index_mesh, *transform, width, width);
+        grid->setName("surface");
+        grid->setGridClass(openvdb::GRID_LEVEL_SET);
+        grid_.reset(new Grid{grid, place_of_0, settings.voxel_size});
+    });
 }
 MeshLevelSet::~MeshLevelSet() = default;
 
@@ -306,7 +325,7 @@ VdbVoxels MeshLevelSet::voxels(double isovalue) const {
 uint64_t MeshLevelSet::write(const std::string& path, bool overwrite, const VdbWriteSettings& settings, Durability durability) const {
     OutputFile file(path, overwrite);
     grid_->grid->setSaveFloatAsHalf(settings.half);
-    return write_grids(file, {grid_->grid}, settings, durability);
+    return with_errors(path, [&] { return write_grids(file, {grid_->grid}, settings, durability); });
 }
 
 }  // namespace strata

@@ -30,7 +30,7 @@ struct VdbWriteSettings {
 /// until commit: 2 KiB a leaf of 8^3 voxels that is not full, or as a mask 128 bytes.
 class VdbWriter {
 public:
-    /// throws  as OutputFile
+    /// throws  as OutputFile; Error{unsupported}: what OpenVDB refuses, such as voxels of less than some 1e-5 units
     VdbWriter(const std::string& path, bool overwrite, const VoxelFrame& frame, const VdbWriteSettings& settings = {});
     ~VdbWriter();
 
@@ -56,7 +56,8 @@ struct LevelSetSettings {
 /// size. Of a mesh with holes the sign is what OpenVDB finds.
 class MeshLevelSet {
 public:
-    /// throws  Error{usage}: no triangles, or a size or half width that is none; Error{limit}
+    /// throws  Error{usage}: no triangles, or a size or half width that is none; Error{limit};
+    ///         Error{unsupported}: what OpenVDB refuses, as above
     MeshLevelSet(const TriangleMesh& mesh, const LevelSetSettings& settings);
     ~MeshLevelSet();
 

@@ -206,6 +206,80 @@ TEST_F(Vdb, LevelSetsThatCannotBeAreRefused) {
     message_of([&] { MeshLevelSet(box, {.voxel_size = 1e-3, .memory_bytes = 1 << 20}); }, ErrorKind::limit);
 }
 
+TEST_F(Vdb, ALevelSetDoesNotLookAtVerticesThatNoTriangleUses) {
+    const TriangleMesh box = box_mesh({0.25, 0.25, 0.25}, {10.25, 10.25, 10.25});
+    for (const double far : {1e30, -1e4, std::nan("")}) {
+        TriangleMesh more = box;
+        more.positions.push_back({far, 0, 0});
+        expect_equal(tree_of(MeshLevelSet(more, {}).voxels()), tree_of(MeshLevelSet(box, {}).voxels()));
+    }
+}
+
+TEST_F(Vdb, AFrameOfOneLevelComesBack) {
+    const VoxelFrame frame{.origin = {1, 2, 3}, .voxel_size = 0.5, .levels = 1};
+    VoxelBatch batch;
+    batch.blocks = {{0, 0x8000000000000001, 0}};
+    VdbWriter writer(folder_.file("a.vdb"), true, frame);
+    writer.add(batch);
+    writer.commit();
+    const VdbVoxels voxels = read_vdb_voxels(folder_.file("a.vdb"));
+    EXPECT_EQ(voxels.frame, frame);
+    EXPECT_EQ(count_voxels(tree_of(voxels)), 2u);
+}
+
+// It takes a voxel of less than some 3e-15 cubic units for none.
+TEST_F(Vdb, WhatOpenVdbRefusesIsAnError) {
+    const std::string path = folder_.file("a.vdb");
+    const std::string line = message_of([&] { VdbWriter(path, false, {.voxel_size = 1e-6}); }, ErrorKind::unsupported);
+    EXPECT_EQ(line.rfind(path + ": OpenVDB: ", 0), 0u) << line;
+    const std::string set = message_of([&] { MeshLevelSet(box_mesh({0, 0, 0}, {1e-5, 1e-5, 1e-5}), {.voxel_size = 1e-6}); }, ErrorKind::unsupported);
+    EXPECT_EQ(set.rfind("OpenVDB: ", 0), 0u) << set;
+    EXPECT_EQ(test::entries(folder_.path()), 0u);
+}
+
+class CountingSource : public ByteSource {
+public:
+    explicit CountingSource(const std::string& bytes) : source_(memory_source("counted", test::bytes_of(bytes))) {}
+    const std::string& name() const override { return source_->name(); }
+    uint64_t size() const override { return source_->size(); }
+    void read(uint64_t offset, std::span<std::byte> out) const override {
+        bytes_read += out.size();
+        source_->read(offset, out);
+    }
+    mutable uint64_t bytes_read = 0;
+
+private:
+    std::unique_ptr<ByteSource> source_;
+};
+
+// Grids behind the first, without counts of their own, that share its tree, which is larger than what a stream holds at once.
+TEST_F(Vdb, ASharedTreeIsReadOnce) {
+    VoxelBatch batch;
+    for (uint64_t leaf = 0; leaf < 4096; ++leaf) batch.blocks.push_back({8 * leaf, 1, 0});
+    std::string bytes = test::file_contents(write("a.vdb", batch, {.as_mask = true}));
+    const size_t tree_size = bytes.size();
+    ASSERT_GT(tree_size, 512u * 1024);
+    const auto number = [](auto value) { return std::string(reinterpret_cast<const char*>(&value), sizeof value); };
+    const auto text = [&](const std::string& words) { return number(uint32_t(words.size())) + words; };
+    constexpr int kShares = 20;
+    std::string scales;
+    for (int i = 0; i < 15; ++i) scales += number(1.0);
+    for (int i = 0; i < kShares; ++i) {
+        const std::string names = text("share") + text("Tree_mask_5_4_3") + text("occupancy"), grid = number(uint32_t(2)) + number(uint32_t(0)) + text("UniformScaleMap") + scales;
+        const uint64_t begin = bytes.size() + names.size() + 24;
+        bytes += names + number(begin) + number(uint64_t(0)) + number(uint64_t(begin + grid.size())) + grid;
+    }
+    bytes.replace(61, 4, number(int32_t(1 + kShares)));  // grids, behind the signature, versions, a UUID and no metadata
+    const CountingSource source(bytes);
+    const VdbFile file = read_vdb_info(source);
+    ASSERT_EQ(file.grids.size(), size_t(1 + kShares));
+    for (const VdbGrid& grid : file.grids) {
+        EXPECT_EQ(grid.active_voxels, 4096u);
+        EXPECT_EQ(grid.greatest_index, file.grids[0].greatest_index);
+    }
+    EXPECT_LT(source.bytes_read, 4 * tree_size);
+}
+
 // Every length that cuts the header, and more of them beyond.
 TEST_F(Vdb, EveryTruncationIsRefused) {
     for (const bool as_mask : {false, true}) {
@@ -262,6 +336,38 @@ TEST(VdbData, KeptFilesOfOtherKinds) {
     const uint64_t inside = read_vdb_voxels(folder + "level_set").voxels.voxels();
     EXPECT_GE(inside, 251u);
     EXPECT_LE(inside, 257u);
+}
+
+// The bytes of a map that is not known are stepped over, so its grid's tree cannot be found, unless it is another's.
+TEST(VdbData, GridsOfUnknownMapsAreListed) {
+    const std::string bytes = test::file_contents(STRATA_SOURCE_DIR "/tests/fuzz/corpus/vdb/bools"), known = "UniformScaleMap", unknown = "SomeFrustumsMap";
+    const size_t first = bytes.find(known), second = bytes.find(known, first + 1);
+    ASSERT_NE(second, std::string::npos);
+    for (const bool own_tree : {true, false}) {
+        std::string changed = bytes;
+        changed.replace(own_tree ? first : second, known.size(), unknown);
+        const std::unique_ptr<ByteSource> source = memory_source("file", test::bytes_of(changed));
+        const VdbFile file = read_vdb_info(*source);
+        ASSERT_EQ(file.grids.size(), 2u);
+        const VdbGrid& grid = file.grids[own_tree ? 0 : 1];
+        EXPECT_EQ(grid.map, unknown);
+        EXPECT_FALSE(grid.voxel_size);
+        for (const VdbGrid& each : file.grids) {  // the second shares the tree of the first
+            EXPECT_EQ(is_readable(each), !own_tree);
+            EXPECT_EQ(each.background.has_value(), !own_tree);
+        }
+        EXPECT_EQ(file.grids[1].active_voxels.has_value(), !own_tree);
+        if (!own_tree) {
+            EXPECT_EQ(read_vdb_voxels(*source, {}).voxels.voxels(), 513u);
+            EXPECT_EQ(message_of([&] { read_vdb_voxels(*source, {.grid = "second"}); }, ErrorKind::unsupported),
+                      "file: grid second: voxels that are cubes along the axes are expected, its transform is SomeFrustumsMap");
+            continue;
+        }
+        const std::string none = message_of([&] { read_vdb_voxels(*source, {}); }, ErrorKind::unsupported);
+        EXPECT_NE(none.find("(bool, SomeFrustumsMap)"), std::string::npos) << none;
+        EXPECT_EQ(message_of([&] { read_vdb_voxels(*source, {.grid = "second"}); }, ErrorKind::unsupported),
+                  "file: grid second: its tree stands behind a transform that is not read");
+    }
 }
 
 TEST(VdbData, RealFilesAreWhatTheIndexSays) {
