@@ -27,7 +27,8 @@ GridMesh::GridMesh(const TriangleMesh& mesh, const VoxelFrame& frame, int thread
       margin_(int64_t{1} << 28),
       triangles_(&mesh.triangles),
       vertices_(mesh.positions.size()) {
-    std::atomic<bool> far = false;
+    // Only vertices that triangles use are refused, so which are is kept until triangles are looked at.
+    std::atomic<bool> far = false, refused = false;
     const double scale = std::ldexp(1.0, bits_) / frame.voxel_size;
     parallel_blocks(threads, vertices_.size(), kBlock, [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i) {
@@ -37,29 +38,40 @@ GridMesh::GridMesh(const TriangleMesh& mesh, const VoxelFrame& frame, int thread
                 for (int a = 0; a < 3; ++a) vertices_[i][size_t(a)] = int32_t(std::floor(p[a] + 0.5));
                 continue;
             }
-            if (!p.allFinite()) throw Error(ErrorKind::malformed, "vertex " + std::to_string(i) + " is not finite");
-            if (p.cwiseAbs().maxCoeff() > std::ldexp(kFarthest, bits_))
-                throw Error(ErrorKind::limit, "vertex " + std::to_string(i) + " lies more than 2^40 voxels outside the frame");
+            if (!p.allFinite() || p.cwiseAbs().maxCoeff() > std::ldexp(kFarthest, bits_)) {
+                vertices_[i] = {kFar, kRefused, 0};
+                refused = true;
+                continue;
+            }
             const FarPoint place = this->place(uint32_t(i));
             if (near(place)) {
                 for (size_t a = 0; a < 3; ++a) vertices_[i][a] = int32_t(place[a]);
             } else {
-                vertices_[i][0] = kFar;
+                vertices_[i] = {kFar, 0, 0};
                 far = true;
             }
         }
     });
     any_far_ = far;
+    const bool any_refused = refused;
     parallel_blocks(threads, triangles_->size(), kBlock, [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i)
-            for (const uint32_t v : (*triangles_)[i])
+            for (const uint32_t v : (*triangles_)[i]) {
                 if (v >= vertices_.size())
                     throw Error(ErrorKind::malformed, "triangle " + std::to_string(i) + " has vertex " + std::to_string(v) + ", of " +
                                                           std::to_string(vertices_.size()));
+                if (any_refused && vertices_[v][0] == kFar && vertices_[v][1] == kRefused) refuse(v);
+            }
     });
     if (!any_far_) return;
     for (size_t i = 0; i < triangles_->size(); ++i)
         if (const auto& t = (*triangles_)[i]; !is_near(i)) add({place(t[0]), place(t[1]), place(t[2])}, i);
+}
+
+void GridMesh::refuse(uint32_t vertex) const {
+    if (!mesh_.positions[vertex].allFinite())
+        throw Error(ErrorKind::malformed, "vertex " + std::to_string(vertex) + " is not finite");
+    throw Error(ErrorKind::limit, "vertex " + std::to_string(vertex) + " lies more than 2^40 voxels outside the frame");
 }
 
 GridMesh::FarPoint GridMesh::place(uint32_t vertex) const {

@@ -38,7 +38,7 @@ public:
     size_t source(size_t i) const { return i < triangles_->size() ? i : sources_[i - triangles_->size()]; }
 
     using FarPoint = std::array<int64_t, 3>;
-    /// The snapped place of a vertex, wherever it is.
+    /// The snapped place of a vertex that a triangle uses, wherever it is.
     FarPoint place(uint32_t vertex) const;
     static constexpr size_t kNoSource = ~size_t{0};
     /// Adds a triangle, in parts where it reaches far out, less what can be of no account.
@@ -47,8 +47,9 @@ public:
     uint64_t size_bytes() const { return vertices_.size() * sizeof(vertices_[0]) + added_.size() * sizeof(added_[0]); }
 
 private:
-    static constexpr int32_t kFar = std::numeric_limits<int32_t>::min();
+    static constexpr int32_t kFar = std::numeric_limits<int32_t>::min(), kRefused = 1;
 
+    [[noreturn]] void refuse(uint32_t vertex) const;
     bool near(const FarPoint& p) const;
 
     const TriangleMesh& mesh_;
@@ -56,7 +57,7 @@ private:
     int bits_;
     int64_t side_, margin_;  // units
     const std::vector<std::array<uint32_t, 3>>* triangles_;
-    std::vector<std::array<int32_t, 3>> vertices_;  // first coordinate kFar: too far out for 32 bits
+    std::vector<std::array<int32_t, 3>> vertices_;  // first coordinate kFar: too far out for 32 bits; second kRefused: for 64
     std::vector<GridTriangle> added_;
     std::vector<size_t> sources_;  // [added_]
     bool any_far_ = false;

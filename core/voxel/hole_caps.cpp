@@ -56,12 +56,15 @@ std::vector<BoundaryEdge> boundary_of(const std::vector<std::array<uint32_t, 3>>
     return boundary;
 }
 
-// For each vertex the first one at its place.
+// For each vertex that a triangle uses the first such at its place.
 std::vector<uint32_t> first_at_place(const TriangleMesh& mesh, const GridMesh& grid) {
     constexpr uint32_t kNone = ~uint32_t{0};
     const size_t n = mesh.positions.size();
-    std::vector<uint32_t> table(std::bit_ceil(2 * n + 1), kNone), first(n);
+    std::vector<uint32_t> table(std::bit_ceil(2 * n + 1), kNone), first(n, kNone);
+    for (const auto& triangle : mesh.triangles)
+        for (const uint32_t v : triangle) first[v] = v;
     for (size_t i = 0; i < n; ++i) {
+        if (first[i] == kNone) continue;  // it may lie anywhere
         const Point p = grid.place(uint32_t(i));
         size_t slot = mix_bits(uint64_t(p[0]) ^ mix_bits(uint64_t(p[1]) ^ mix_bits(uint64_t(p[2])))) & (table.size() - 1);
         while (table[slot] != kNone && grid.place(table[slot]) != p) slot = (slot + 1) & (table.size() - 1);

@@ -46,9 +46,9 @@ int snapped_bits(const VoxelFrame& frame);
 /// is cut off; triangles that reach a quarter of the frame's side or more beyond it are halved there at snapped points, each of which
 /// may lie another 2^-(bits + 1) voxel off. A triangle without area is the segment or point that
 /// it covers; in a solid it is nothing.
-/// throws  Error{malformed}: a vertex is not finite, or a triangle has a vertex that is not there
-///         Error{limit}: the settings' memory is too little (the message says how much it takes), or a vertex lies more than 2^40 voxels
-///         outside
+/// throws  Error{malformed}: a vertex of a triangle is not finite, or not there
+///         Error{limit}: the settings' memory is too little (the message says how much it takes), or a vertex of a triangle lies more
+///         than 2^40 voxels outside
 ///         Error{usage}: attributes that there are not: counts, colors where vertices have none, any of a solid
 ///         whatever the sink throws
 /// cost    memory: 12 bytes a vertex and 24 for each triangle and brick of 64^3 voxels that it touches (about 1.3 bricks a triangle

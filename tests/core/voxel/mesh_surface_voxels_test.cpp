@@ -454,6 +454,22 @@ TEST(MeshSurfaceVoxels, RefuseWhatIsNoMesh) {
     EXPECT_EQ(failure_of(mesh, {}, ErrorKind::malformed), "triangle 0 has vertex 3, of 3");
 }
 
+// They are there in files, as marks of what is missing.
+TEST(MeshSurfaceVoxels, VerticesThatNoTriangleUsesMayLieAnywhere) {
+    const TriangleMesh closed = box_mesh(Vec3d::Constant(8.0), Vec3d::Constant(5.3));
+    TriangleMesh open = closed;
+    open.triangles.resize(open.triangles.size() - 2);  // its hole is looked at by places of vertices
+    for (const TriangleMesh& mesh : {closed, open})
+        for (const VoxelKind kind : {VoxelKind::conservative, VoxelKind::thin, VoxelKind::solid}) {
+            TriangleMesh more = mesh;
+            for (const double far : {1e30, -1e300, 1e9, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})
+                more.positions.push_back({far, 0, 0});
+            EXPECT_EQ(blocks_of(more, kSmallFrame, {.kind = kind, .threads = 2}), blocks_of(mesh, kSmallFrame, {.kind = kind}));
+            more.triangles.push_back({0, 1, uint32_t(mesh.positions.size())});
+            EXPECT_THROW(blocks_of(more, kSmallFrame, {.kind = kind}), Error);
+        }
+}
+
 TEST(MeshSurfaceVoxels, KeepTheirMemory) {
     const TriangleMesh mesh = sphere_mesh(Vec3d::Constant(8.0), 7.0, 300);  // 180,600 vertices of 12 bytes; 358,800 triangles of 24
     EXPECT_EQ(failure_of(mesh, {.memory_bytes = 1 << 20}, ErrorKind::limit), "snapped vertices take 3 MiB of memory, 1 MiB are left");
