@@ -51,14 +51,14 @@ void visit_bricks(const GridMesh& mesh, size_t i, const CellRange& all, Triangle
 void sort_by_digit(const std::vector<std::span<const Entry>>& from, Entry* to, int shift, int bits, int threads) {
     const auto digit = [&](const Entry& e) { return size_t((uint64_t{e.high} << 32 | e.low) >> shift) & ((size_t{1} << bits) - 1); };
     const size_t digits = size_t{1} << bits;
-    std::vector<std::vector<uint32_t>> counts(from.size());
+    std::vector<std::vector<size_t>> counts(from.size());
     parallel_blocks(threads, from.size(), 1, [&](size_t i, size_t) {
         counts[i].resize(digits);
         for (const Entry& e : from[i]) ++counts[i][digit(e)];
     });
     size_t sum = 0;
     for (size_t d = 0; d < digits; ++d)
-        for (std::vector<uint32_t>& count : counts) sum += std::exchange(count[d], uint32_t(sum));
+        for (std::vector<size_t>& count : counts) sum += std::exchange(count[d], sum);
     parallel_blocks(threads, from.size(), 1, [&](size_t i, size_t) {
         for (const Entry& e : from[i]) to[counts[i][digit(e)]++] = e;
     });
@@ -79,15 +79,22 @@ BrickBins::BrickBins(const GridMesh& mesh, int threads, uint64_t memory_bytes) {
         std::vector<Entry>& entries = found[begin / share];
         entries.reserve(std::min<uint64_t>((end - begin) * 5 / 4, most / shares));
         for (size_t block = begin; block < end; block += kBlock) {
-            const size_t before = entries.size();
+            size_t told = entries.size();
             uint64_t more = 0;  // counted only, so that the message can say how many there are
-            const bool full = count > most;
+            bool full = count > most;
             for (size_t i = block; i < std::min(end, block + kBlock); ++i)
                 visit_bricks(mesh, i, all, scanner, [&](uint64_t code) {
-                    if (full || entries.size() - before > most) ++more;
-                    else entries.push_back({uint32_t(code >> 32), uint32_t(code), uint32_t(i)});
+                    if (full) {
+                        ++more;
+                        return;
+                    }
+                    entries.push_back({uint32_t(code >> 32), uint32_t(code), uint32_t(i)});
+                    if (entries.size() - told < kBlock) return;
+                    count += entries.size() - told;  // one triangle may touch millions of bricks
+                    told = entries.size();
+                    full = count > most;
                 });
-            count += entries.size() - before + more;
+            count += entries.size() - told + more;
         }
     });
     if (count > most)

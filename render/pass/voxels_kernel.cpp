@@ -131,7 +131,8 @@ VoxelTileKernel::Smooth VoxelTileKernel::smooth_at(const VoxelRay& ray, const Vo
     normal.normalize();
     // It lies half a cell over the middle of its cells, so that flat ground is as high as its voxels.
     const double fall = -normal.dot(direction), above = normal.dot(rise) - 0.5 - kStandBack * kSurfaceRadius * fall;  // cells
-    return {normal, hit.t + std::clamp(above / std::max(fall, 1e-6), -kMostSmoothed, kMostSmoothed) * side / ray.direction.norm()};
+    const double farther = std::clamp(above / std::max(fall, 1e-6), -kMostSmoothed, kMostSmoothed) * side / ray.direction.norm();
+    return {normal, std::max(hit.t + farther, in_.limits.least_t)};  // before the eye is nothing
 }
 
 float VoxelTileKernel::distant_light(const VoxelRay& ray, const VoxelHit& hit, const Vec3f& face_up) {
