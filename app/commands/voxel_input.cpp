@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <mutex>
+#include <string_view>
 #include <utility>
 
 #include "app/quantity_text.h"
@@ -31,6 +32,17 @@ Error wrong_kind(const VoxelRequest& request, const std::string& expected) {
     return {ErrorKind::usage, "--kind: expected " + expected + ", got '" + request.kind + "'"};
 }
 
+// What core refuses, with the file's name.
+template <typename Act>
+auto named(const std::string& path, const Act& act) {
+    try {
+        return act();
+    } catch (const Error& error) {
+        if (error.kind != ErrorKind::limit || std::string_view(error.what()).starts_with(path)) throw;
+        throw error.within(path);
+    }
+}
+
 struct ReadMesh {
     TriangleMesh mesh;
     Box3d box;  // of its triangles
@@ -49,7 +61,7 @@ ReadMesh read_triangles(const std::string& path, uint64_t memory_bytes) {
 
 class MeshInput : public VoxelInput {
 public:
-    MeshInput(const std::string& path, const VoxelRequest& request) : kind_(request.kind.empty() ? "conservative" : request.kind) {
+    MeshInput(const std::string& path, const VoxelRequest& request) : path_(path), kind_(request.kind.empty() ? "conservative" : request.kind) {
         constexpr std::array kKinds = {std::pair("conservative", VoxelKind::conservative), std::pair("thin", VoxelKind::thin), std::pair("solid", VoxelKind::solid)};
         const auto* const found = std::find_if(kKinds.begin(), kKinds.end(), [&](const auto& row) { return row.first == kind_; });
         if (found == kKinds.end()) throw wrong_kind(request, "conservative, thin, solid or level-set for a mesh");
@@ -60,7 +72,7 @@ public:
         auto [mesh, box, remarks] = read_triangles(path, request.memory_bytes);
         mesh_ = std::move(mesh);
         notes = std::move(remarks);
-        frame_ = frame_of(box, request);
+        frame_ = named(path, [&] { return frame_of(box, request); });
         if (!request.attributes) attributes_.color = !mesh_.colors.empty() && settings_.kind != VoxelKind::solid;
         if (attributes_.color && mesh_.colors.empty()) throw Error(ErrorKind::usage, "--attributes: " + path + " has no colors");
         settings_.attributes = attributes_;
@@ -86,12 +98,20 @@ public:
 
     bool voxelize(const VoxelSink& sink, ProgressLine& progress) override {
         settings_.on_progress = [&](const VoxelProgress& p) { progress.update("voxelizing", p.done, p.total); };
-        voxelize_mesh(mesh_, frame_, settings_, sink);
+        uint64_t voxels = 0;
+        named(path_, [&] {
+            voxelize_mesh(mesh_, frame_, settings_, [&](const VoxelBatch& batch) {
+                voxels += batch.blocks.size();
+                sink(batch);
+            });
+        });
+        if (voxels == 0 && settings_.kind == VoxelKind::solid)
+            notes.push_back("no voxel's center is inside: do the triangles turn clockwise, seen from outside?");
         return true;
     }
 
 private:
-    std::string kind_;
+    std::string path_, kind_;
     TriangleMesh mesh_;
     VoxelFrame frame_;
     VoxelAttributes attributes_;
@@ -129,8 +149,9 @@ public:
         if (attributes_.any_of_voxels()) throw Error(ErrorKind::usage, "--attributes: voxels of a level set have opacity only");
         const auto [mesh, box, remarks] = read_triangles(path, request.memory_bytes);
         notes = remarks;
-        const double voxel_size = frame_of(box, request).voxel_size;
-        level_set_ = std::make_unique<MeshLevelSet>(mesh, LevelSetSettings{.voxel_size = voxel_size, .memory_bytes = request.memory_bytes, .threads = request.threads});
+        const double voxel_size = named(path, [&] { return frame_of(box, request); }).voxel_size;
+        const LevelSetSettings settings = {.voxel_size = voxel_size, .memory_bytes = request.memory_bytes, .threads = request.threads};
+        level_set_ = named(path, [&] { return std::make_unique<MeshLevelSet>(mesh, settings); });
         voxels_ = level_set_->voxels();
     }
 
@@ -204,6 +225,13 @@ private:
 }  // namespace
 
 std::unique_ptr<VoxelInput> open_voxel_input(std::span<const std::string> words, const VoxelRequest& request) {
+    for (const std::string& word : words) {
+        if (std::filesystem::is_directory(word)) continue;
+        const FormatKind kind = identify_format(word).kind;
+        if (kind == FormatKind::voxels) throw Error(ErrorKind::usage, word + ": these are voxels already; meshes, points and grids are expected");
+        if (words.size() > 1 && (kind == FormatKind::mesh || kind == FormatKind::grids))
+            throw Error(ErrorKind::usage, word + ": one mesh or grid at a time is expected; only points may come in several files");
+    }
     if (words.size() == 1 && !std::filesystem::is_directory(words[0])) {
         const FormatKind kind = identify_format(words[0]).kind;
         if (kind == FormatKind::grids) return std::make_unique<GridInput>(words[0], request);

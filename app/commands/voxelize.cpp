@@ -103,9 +103,9 @@ VoxelOutputReport write_voxels(const VoxelOutputRequest& request, VoxelInput& in
     }
 }
 
-nlohmann::ordered_json report_json(const VoxelOutputReport& written, const VoxelInput& input, double seconds) {
+nlohmann::ordered_json report_json(const std::string& path, const VoxelOutputReport& written, const VoxelInput& input, double seconds) {
     const VoxelFrame& frame = input.frame();
-    nlohmann::ordered_json report = {{"voxels", written.voxels}, {"nodes", written.nodes}, {"levels", frame.levels}, {"kind", input.kind()}};
+    nlohmann::ordered_json report = {{"output", path}, {"voxels", written.voxels}, {"nodes", written.nodes}, {"levels", frame.levels}, {"kind", input.kind()}};
     if (written.dag_nodes > 0) report["dag_nodes"] = written.dag_nodes;
     report.update({{"voxel_size", frame.voxel_size},
                    {"origin", {frame.origin.x(), frame.origin.y(), frame.origin.z()}},
@@ -140,11 +140,11 @@ int run(const Options& options) {
     const VoxelOutputReport written = write_voxels(output, *input, progress);
     progress.clear();
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    if (written.voxels == 0) input->notes.push_back("there are no voxels: nothing lies inside");
+    if (written.voxels == 0) input->notes.push_back("there are no voxels");
     for (const std::string& note : input->notes)
         if (!quiet) std::fprintf(stderr, "note: %s\n", printable(note).c_str());
     // Names from a file may be of any encoding; JSON is UTF-8.
-    if (json) std::printf("%s\n", report_json(written, *input, seconds).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+    if (json) std::printf("%s\n", report_json(output.path, written, *input, seconds).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
     else if (!quiet) print_summary(output.path, written, input->frame().voxel_size, seconds);
     return 0;
 }

@@ -215,10 +215,6 @@ void VoxelTreeBuilder::finish_node(size_t level, uint64_t code, bool whole, cons
 
 void VoxelTreeBuilder::add(const VoxelBatch& batch) {
     const size_t deepest = open_.size();
-    const auto append_column = [&](VoxelStream::Kind kind, const auto& column) { append_bytes({kind, uint8_t(2 * deepest)}, std::as_bytes(std::span(column))); };
-    if (attributes_.count) append_column(VoxelStream::Kind::count, batch.counts);
-    if (attributes_.color) append_column(VoxelStream::Kind::color, batch.colors);
-    if (attributes_.normal) append_column(VoxelStream::Kind::normal, batch.normals);
     size_t voxel = 0;
     for (const VoxelBlock& block : batch.blocks) {
         assert(block.mask != 0 && block.height >= 0 && block.height < frame_.levels);
@@ -248,6 +244,14 @@ void VoxelTreeBuilder::add_leaf(const VoxelBlock& block, const VoxelBatch& batch
         sums.opacity = {1.0, 1.0, 1.0};
     } else {
         append_node(level, block.mask, 0);
+        // Block by block, so that the order in which streams grow does not tell where batches ended.
+        const size_t voxels = size_t(std::popcount(block.mask));
+        const auto append_part = [&](VoxelStream::Kind kind, const auto& column) {
+            append_bytes({kind, uint8_t(2 * level + 2)}, std::as_bytes(std::span(column).subspan(first_voxel, voxels)));
+        };
+        if (attributes_.count) append_part(VoxelStream::Kind::count, batch.counts);
+        if (attributes_.color) append_part(VoxelStream::Kind::color, batch.colors);
+        if (attributes_.normal) append_part(VoxelStream::Kind::normal, batch.normals);
         if (attributes_.any_of_voxels() || attributes_.opacity) sums = finish_voxels(level, block.mask, batch, first_voxel);
     }
     if (level > 0) finish_node(level, block.code, whole, sums);

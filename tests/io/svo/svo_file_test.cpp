@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cstring>
 #include <fstream>
 #include <random>
@@ -174,11 +175,20 @@ TEST(SvoFile, ReadsPartsOfStreams) {
 
 TEST(SvoFile, WritesTheSameBytesWhateverTheBatches) {
     const TemporaryFolder folder;
-    const DenseVoxels grid = random_grid(3, 0.01, 8);
-    write_svo(folder.file("a.svo"), grid, {});
+    const DenseVoxels grid = random_grid(3, 0.3, 8);  // 78,000 voxels: several blocks of each stream
+    write_svo(folder.file("a.svo"), grid, kAll);
     SvoWriter writer(folder.file("b.svo"), false, grid.frame(), {"solid", "EPSG:25832"});
-    VoxelTreeBuilder builder(grid.frame(), {}, writer);
-    for (const VoxelBlock& block : grid.batch().blocks) builder.add({.blocks = {block}});
+    VoxelTreeBuilder builder(grid.frame(), kAll, writer);
+    const VoxelBatch all = with_attributes(grid.batch(), 2);
+    size_t voxel = 0;
+    for (const VoxelBlock& block : all.blocks) {
+        const std::ptrdiff_t first = std::ptrdiff_t(voxel), end = first + std::popcount(block.mask);
+        builder.add({.blocks = {block},
+                     .counts = {all.counts.begin() + first, all.counts.begin() + end},
+                     .colors = {all.colors.begin() + first, all.colors.begin() + end},
+                     .normals = {all.normals.begin() + first, all.normals.begin() + end}});
+        voxel = size_t(end);
+    }
     writer.commit(builder.finish().voxels, Durability::unsynced);
     EXPECT_EQ(bytes_of(folder.file("a.svo")), bytes_of(folder.file("b.svo")));
 }
