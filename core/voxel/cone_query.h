@@ -32,8 +32,8 @@ struct ConeSettings {
 /// a medium's may. Keeps the way down the tree from one sample to the next; one per thread. Things one behind the other hide as much as if
 /// they lay at random: two that each hide half of the cone leave a quarter of it, where the truth is anything from nothing to a half. So
 /// the cells along one surface seen aslant hide too much, and the rims of things are wide. This error is the method's own; docs/accuracy.md
-/// says how large it is, and what more cones gain. source  C. Crassin et al., "Interactive Indirect Illumination Using Voxel Cone Tracing",
-/// Pacific Graphics 2011
+/// says how large it is, and what more cones gain.
+/// source  C. Crassin et al., "Interactive Indirect Illumination Using Voxel Cone Tracing", Pacific Graphics 2011
 class ConeQuery {
 public:
     /// throws  Error{usage}: the tree has no opacities

@@ -44,8 +44,6 @@ public:
     /// Adds a triangle, in parts where it reaches far out, less what can be of no account.
     void add(const std::array<FarPoint, 3>& corners, size_t source = kNoSource);
 
-    uint64_t size_bytes() const { return vertices_.size() * sizeof(vertices_[0]) + added_.size() * sizeof(added_[0]); }
-
 private:
     static constexpr int32_t kFar = std::numeric_limits<int32_t>::min(), kRefused = 1;
 

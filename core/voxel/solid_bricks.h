@@ -18,7 +18,6 @@ public:
     BrickWindings(const GridMesh& mesh, int threads);
 
     int at(const std::array<uint32_t, 3>& brick) const;
-    uint64_t size_bytes() const { return crossings_.size() * sizeof(Crossing); }
 
 private:
     struct Crossing {

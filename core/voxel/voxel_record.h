@@ -152,10 +152,9 @@ void append_records(uint64_t code, VoxelSums sums, std::vector<VoxelRecord<form>
 
 inline uint32_t saturated_count(uint64_t count) { return uint32_t(std::min<uint64_t>(count, UINT32_MAX)); }
 
-/// Rounded mean of 8-bit channels; that of 16-bit ones falls into 256 equal
-/// bins, so that colors made from bytes, as v * 256 or v * 257, come back
-/// exactly, as pictures show them. Stored values are averaged as they are, in
-/// sRGB. rgb_bits  8 or 16
+/// Rounded mean of 8-bit channels; that of 16-bit ones falls into 256 equal bins, so that colors made from bytes, as v * 256 or
+/// v * 257, come back exactly, as pictures show them. Stored values are averaged as they are, in sRGB.
+/// rgb_bits  8 or 16
 VoxelColor mean_color(const VoxelSums& sums, int rgb_bits);
 
 /// The direction of the sum, zero where that is zero.
