@@ -18,6 +18,7 @@
 #include "io/mesh/text_words.h"
 #include "io/potree/potree_cloud.h"
 #include "io/vdb/vdb_file.h"
+#include "io/volume/volume_header.h"
 
 namespace strata {
 namespace {
@@ -37,6 +38,9 @@ constexpr std::array kFormats = {
     Format{"stl", "STL, a mesh", ".stl", FormatKind::mesh, false},
     Format{"svo", "voxels, a sparse octree of strata", ".svo", FormatKind::voxels, true},
     Format{"vdb", "OpenVDB, sparse grids: level sets, fog volumes, masks", ".vdb", FormatKind::grids, true},
+    Format{"metaimage", "MetaImage, values on a grid", ".mha .mhd", FormatKind::volume, false},
+    Format{"nrrd", "NRRD, values on a grid", ".nrrd .nhdr", FormatKind::volume, false},
+    Format{"vtk", "legacy VTK file of structured points, values on a grid", ".vtk", FormatKind::volume, false},
     Format{"pcd", "Point Cloud Library file", ".pcd", FormatKind::not_readable, false},
     Format{"drc", "Draco, points and the vertices of meshes", ".drc", FormatKind::points, true},
 };
@@ -116,6 +120,14 @@ bool looks_like_text_stl(std::string_view head) {
            (text.find("facet") != std::string::npos || text.find("endsolid") != std::string::npos);
 }
 
+// ending  with its dot; empty: none has it
+bool has_ending(const Format& format, std::string_view ending) {
+    TextWords endings(format.endings);
+    for (std::string_view word = endings.word(); !word.empty(); word = endings.word())
+        if (word == ending) return true;
+    return false;
+}
+
 const Format& identify_bytes(const ByteSource& source) {
     std::array<char, 589> bytes;
     const size_t size = size_t(std::min<uint64_t>(bytes.size(), source.size()));
@@ -129,11 +141,14 @@ const Format& identify_bytes(const ByteSource& source) {
     if (head.starts_with("\x89SVO")) return format_named("svo");
     if (is_vdb(head)) return format_named("vdb");
     if (head.starts_with("pnts")) return format_named("3dtiles");
+    if (looks_like_nrrd(head)) return format_named("nrrd");
+    if (looks_like_vtk(head)) return format_named("vtk");
+    if (looks_like_metaimage(head)) return format_named("metaimage");
     if (is_binary_stl(head, source.size()) || looks_like_text_stl(head)) return format_named("stl");
     if (looks_like_obj(head)) return format_named("obj");
     if (size > 0)
-        for (const std::string_view name : {"obj", "stl"})
-            if (lower_case(fs::path(source.name()).extension().string()) == format_named(name).endings) return format_named(name);
+        for (const std::string_view name : {"obj", "stl", "metaimage"})
+            if (has_ending(format_named(name), lower_case(fs::path(source.name()).extension().string()))) return format_named(name);
     throw Error(ErrorKind::unsupported, source.name() + ": " + (size == 0 ? "an empty file" : "not a format that strata knows") +
                                             "; this version reads " + readable_names());
 }

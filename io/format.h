@@ -20,6 +20,7 @@ enum class FormatKind {
     mesh,          // triangles: read with read_mesh of io/mesh
     voxels,        // a sparse voxel octree: opened with open_svo of io/svo
     grids,         // sparse grids of values: read with read_vdb_voxels of io/vdb
+    volume,        // values on a dense grid: opened with open_volume of io/volume
     not_readable,  // recognised, but not readable by this version; opening it says so
 };
 
@@ -35,7 +36,7 @@ struct Format {
 /// Every format, for help texts and messages.
 std::span<const Format> all_formats();
 
-/// Recognises a file or folder by its first bytes. Its name counts only where they may be anything: .obj and .stl.
+/// Recognises a file or folder by its first bytes. Its name counts only where they may be anything: .obj, .stl, .mha and .mhd.
 /// throws  Error{not_found, unsupported, io}: the path and the formats that are known
 const Format& identify_format(const std::string& path);
 

@@ -11,6 +11,7 @@
 #include "app/commands/info_mesh.h"
 #include "app/commands/info_text.h"
 #include "app/commands/info_vdb.h"
+#include "app/commands/info_volume.h"
 #include "app/commands/info_voxels.h"
 #include "app/quantity_text.h"
 #include "core/cloud/cloud_statistics.h"
@@ -167,6 +168,7 @@ int run(const Options& options) {
     const ordered_json report = format.kind == FormatKind::layered ? layered_report(path, format, options)
                                 : format.kind == FormatKind::mesh  ? mesh_report(path, format, memory_cap(options))
                                 : format.kind == FormatKind::grids ? vdb_report(path, format)
+                                : format.kind == FormatKind::volume ? volume_report(path, format)
                                 : format.kind == FormatKind::voxels ? voxel_report(path, format, options.given("--exact"), memory_cap(options), thread_count(options))
                                                                    : points_report(path, format, options);
     // Names and texts from a file may be of any encoding; JSON is UTF-8.

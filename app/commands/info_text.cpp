@@ -164,6 +164,7 @@ void sampling_rows(const ordered_json& levels, Block& block) {
 
 void layer_rows(const ordered_json& report, Block& block) {
     if (report.contains("nodes")) block.row("nodes", with_commas(report["nodes"]));
+    if (report.contains("spacing") && report["spacing"].is_array()) vector_row(report, "spacing", block);
     if (report.contains("spacing") && report["spacing"].is_number()) block.row("spacing", number_text(report["spacing"]) + unit_behind(text_of(report, "unit")));
     if (report.contains("points_per_level")) {
         size_t level = 0;
@@ -196,6 +197,18 @@ void voxel_rows(const ordered_json& report, Block& block) {
     }
 }
 
+// Samples on a dense grid, and how they lie.
+void volume_rows(const ordered_json& report, Block& block) {
+    if (!report.contains("dimensions")) return;
+    std::string line;
+    for (const ordered_json& size : report["dimensions"]) line.append(line.empty() ? "" : " x ").append(with_commas(size));
+    block.row("dimensions", line + " samples");
+    vector_row(report, "origin", block);
+    for (const ordered_json& direction : report["directions"]) block.row("directions", range_text(direction));
+    block.row("stored", report["encoding"].get<std::string>() + (text_of(report, "data_file").empty() ? "" : ", in " + printable(report["data_file"])));
+    if (report["nan_samples"] != 0) block.row("no value", with_commas(report["nan_samples"]) + " samples that are not a number");
+}
+
 // A grid a line, and one for how its voxels lie.
 void grid_rows(const ordered_json& grids, Block& block) {
     for (const ordered_json& grid : grids) {
@@ -224,6 +237,7 @@ std::string info_text(const std::string& report_json) {
     vector_row(report, "offset", block);
     if (!text_of(report, "crs").empty()) block.row("crs", crs_text(report));
     if (report.contains("grids")) grid_rows(report["grids"], block);
+    volume_rows(report, block);
     layer_rows(report, block);
     voxel_rows(report, block);
     if (report.contains("rgb_bits") && report["rgb_bits"] != 0) block.row("rgb", std::to_string(report["rgb_bits"].get<int>()) + " of 16 bits used");
