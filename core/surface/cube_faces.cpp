@@ -114,8 +114,8 @@ inline void merge(Faces& faces, const MaterialSteps& materials, const PlaceOf& p
 
 // Removes faces between cells that can be seen through and are of one material.
 // towards  from a cell's material to its neighbor's
-inline void remove_within(const uint64_t* cells, const uint64_t* neighbors, ptrdiff_t stride, const MaterialSteps& materials, ptrdiff_t towards,
-                          Faces& faces) {
+inline void remove_within(const uint64_t* cells, const uint64_t* neighbors, ptrdiff_t stride, const MaterialSteps& materials,
+                          ptrdiff_t towards, Faces& faces) {
     for (int a = 0; a < kSide; ++a, cells += stride, neighbors += stride)
         for (int b = 0; b < kSide; ++b) {
             const int i = a * kSide + b;

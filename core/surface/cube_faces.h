@@ -23,9 +23,7 @@ struct CubeBrick {
     /// Of the column of cells (x, y, 0...63); x and y from -1 to 64.
     static size_t column(int x, int y) { return size_t((y + 1) * kStride + kFirst + x); }
     /// x, y and z from -1 to 64.
-    static size_t cell(int x, int y, int z) {
-        return (size_t(y + 1) * kMaterialSide + size_t(x + 1)) * kMaterialSide + size_t(z + 1);
-    }
+    static size_t cell(int x, int y, int z) { return (size_t(y + 1) * kMaterialSide + size_t(x + 1)) * kMaterialSide + size_t(z + 1); }
 
     using Columns = std::array<uint64_t, size_t(kMaterialSide) * kStride + kFirst>;
     using Plane = std::array<uint64_t, kCubeBrickSide>;
@@ -45,7 +43,7 @@ struct CubeBrick {
 
 /// Faces of a brick that look the same way, lie in one plane, form a rectangle and are of one material.
 struct CubeRectangle {
-    uint32_t place;     // of the cell with the least coordinates: x, y and z at 6 bits each from the lowest; then its lengths less 1
+    uint32_t place;  // of the cell with the least coordinates: x, y and z at 6 bits each from the lowest; then its lengths less 1
     uint32_t material;
 
     uint32_t x() const { return place & 63; }

@@ -59,7 +59,8 @@ inline DenseBrick brick_where(const std::function<uint8_t(int x, int y, int z)>&
 
 /// Whether cell (i, j, k) is one of the ball, of which those with a coordinate of `radius` are no part.
 inline bool in_integer_ball(int i, int j, int k, int radius) {
-    return i >= -radius && i < radius && j >= -radius && j < radius && k >= -radius && k < radius && i * i + j * j + k * k <= radius * radius;
+    return i >= -radius && i < radius && j >= -radius && j < radius && k >= -radius && k < radius &&
+           i * i + j * j + k * k <= radius * radius;
 }
 
 }  // namespace strata

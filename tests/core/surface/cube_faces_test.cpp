@@ -80,7 +80,8 @@ TEST_P(RandomSolids, RectanglesAreTheFacesThatCanBeSeen) {
     for (uint64_t seed = 1; seed <= 4; ++seed) {
         Random random(seed);
         DenseBrick dense = brick_where([&](int, int, int) {
-            return random.uniform() < solid.share ? uint8_t(1 + std::min(solid.materials - 1, int(random.uniform() * solid.materials))) : uint8_t(0);
+            return random.uniform() < solid.share ? uint8_t(1 + std::min(solid.materials - 1, int(random.uniform() * solid.materials)))
+                                                  : uint8_t(0);
         });
         if (solid.grain > 1) {
             const DenseBrick fine = dense;
@@ -126,7 +127,8 @@ TEST(CubeFaces, GlassAndWaterShowWhatLiesBehindThem) {
         DenseBrick dense = brick_where([&](int x, int y, int z) {
             const std::array<int, 3> at = {x, y, z};
             const int along = at[size_t(axis)] - 61;  // the last cell is beyond the brick
-            return at[size_t((axis + 1) % 3)] == 5 && at[size_t((axis + 2) % 3)] == 6 && along >= 0 && along < 4 ? kRow[size_t(along)] : uint8_t(0);
+            return at[size_t((axis + 1) % 3)] == 5 && at[size_t((axis + 2) % 3)] == 6 && along >= 0 && along < 4 ? kRow[size_t(along)]
+                                                                                                                 : uint8_t(0);
         });
         dense.first_transparent = kGlass;
         CubeRectangles rectangles;

@@ -1,0 +1,298 @@
+#include "core/surface/cube_surface.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "core/error.h"
+#include "core/idle_pool.h"
+#include "core/octree/node_selection.h"
+#include "core/parallel.h"
+#include "core/surface/cube_faces.h"
+#include "core/surface/cube_mesh.h"
+#include "core/surface/tree_bricks.h"
+
+namespace strata {
+namespace {
+
+constexpr size_t kBricksAThread = 4;  // between two turns of the sink
+
+// What finds the faces of a brick, one per thread.
+struct Worker {
+    CubeBrick brick;
+    CubeFaceFinder finder;
+    CubeRectangles rectangles;
+    std::unique_ptr<CubeMesher> mesher;
+};
+
+// A brick's part of the surface. Faces refer to its vertices.
+struct Part {
+    size_t brick = 0;
+    CubeMesh mesh;
+    std::vector<Vec3f> positions;  // [vertices]
+    std::vector<std::array<uint8_t, 4>> colors;
+    std::vector<Vec3f> normals;
+    uint64_t faces = 0, rectangles = 0;
+    // closed: vertices on the outside of the brick, ascending by corner and material, and their numbers here.
+    std::vector<std::pair<CubeVertex, uint32_t>> shared;
+};
+
+class CubeSurface {
+public:
+    CubeSurface(const VoxelTree& tree, const CubeSurfaceSettings& settings, SurfaceSink& out)
+        : tree_(tree), settings_(settings), out_(out), depth_(settings.depth == 0 ? tree.depth() : settings.depth), bricks_(tree, depth_) {
+        materials_.by_color = settings.colors && has_colors(tree, depth_);
+        for (const auto& [color, opacity] : settings.transparent)
+            if (opacity < 255) materials_.transparent.push_back(color);
+        cell_size_ = tree.frame.voxel_size * double(uint64_t{1} << (tree.frame.depth() - depth_));
+    }
+
+    static bool has_colors(const VoxelTree& tree, int depth) {
+        return size_t(depth) < tree.attributes.size() && !tree.attributes[size_t(depth)].colors.empty();
+    }
+
+    CubeSurfaceCounts run() {
+        counts_.solid_voxels = count_cells(tree_, depth_);
+        counts_.faces_uncut = 6 * counts_.solid_voxels;
+        if (closed()) find_corners();
+        const size_t round = kBricksAThread * size_t(std::max(settings_.threads, 1));
+        std::vector<Part> parts(round), done(round);
+        size_t done_count = 0;
+        for (size_t begin = 0; begin < bricks_.size() + round; begin += round) {
+            const size_t count = begin < bricks_.size() ? std::min(round, bricks_.size() - begin) : 0;
+            // The round before goes out while this one is made.
+            parallel_blocks(settings_.threads, count + 1, 1, [&](size_t i, size_t) {
+                if (i == 0) put(std::span(done).first(done_count));
+                else make(begin + i - 1, parts[i - 1]);
+            });
+            std::swap(parts, done);
+            done_count = count;
+        }
+        return counts_;
+    }
+
+private:
+    bool closed() const { return settings_.joints == CubeSurfaceSettings::Joints::closed; }
+
+    std::unique_ptr<Worker> take_worker() {
+        return workers_.take([] { return std::make_unique<Worker>(); });
+    }
+
+    // The corners of each brick's rectangles that others may have on their edges.
+    void find_corners() {
+        corners_.resize(bricks_.size());
+        shared_.resize(bricks_.size());
+        parallel_blocks(settings_.threads, bricks_.size(), kBricksAThread, [&](size_t begin, size_t end) {
+            std::unique_ptr<Worker> worker = take_worker();
+            for (size_t brick = begin; brick < end; ++brick)
+                if (bricks_.gather(brick, materials_, worker->brick)) {
+                    worker->finder.find(worker->brick, worker->rectangles);
+                    corners_[brick] = shared_corners(worker->rectangles);
+                }
+            workers_.give_back(std::move(worker));
+        });
+    }
+
+    template <class Visit>  // of each of the 26 neighbors that there are: number, step to it in bricks
+    void visit_neighbors(size_t brick, const Visit& visit) const {
+        const std::array<uint32_t, 3> place = bricks_.place(brick);
+        for (int x = -1; x <= 1; ++x)
+            for (int y = -1; y <= 1; ++y)
+                for (int z = -1; z <= 1; ++z) {
+                    if (x == 0 && y == 0 && z == 0) continue;
+                    const size_t neighbor = bricks_.find({int64_t{place[0]} + x, int64_t{place[1]} + y, int64_t{place[2]} + z});
+                    if (neighbor != TreeBricks::kNone) visit(neighbor, std::array<int, 3>{x, y, z});
+                }
+    }
+
+    void make(size_t brick, Part& part) {
+        part.brick = brick;
+        part.mesh.vertices.clear();
+        part.mesh.triangles.clear();
+        part.mesh.quads.clear();
+        part.shared.clear();
+        part.normals.clear();
+        part.faces = part.rectangles = 0;
+        std::unique_ptr<Worker> worker = take_worker();
+        if (bricks_.gather(brick, materials_, worker->brick)) {
+            worker->finder.find(worker->brick, worker->rectangles);
+            part.rectangles = worker->rectangles.size();
+            for (const CubeRectangle& r : std::span(worker->rectangles.all).first(part.rectangles)) part.faces += r.width() * r.height();
+            if (closed()) join(*worker, part);
+            else separate(worker->rectangles, part);
+        }
+        workers_.give_back(std::move(worker));
+        place_vertices(part);
+    }
+
+    void join(Worker& worker, Part& part) const {
+        if (!worker.mesher) worker.mesher = std::make_unique<CubeMesher>();
+        worker.mesher->begin(worker.rectangles);
+        visit_neighbors(part.brick,
+                        [&](size_t neighbor, const std::array<int, 3>& step) { worker.mesher->add_corners(corners_[neighbor], step); });
+        worker.mesher->finish(worker.rectangles, part.mesh);
+        for (uint32_t i = 0; i < part.mesh.vertices.size(); ++i)
+            if (part.mesh.vertices[i].corner.is_shared()) part.shared.emplace_back(part.mesh.vertices[i], i);
+        std::sort(part.shared.begin(), part.shared.end());
+    }
+
+    static void separate(const CubeRectangles& rectangles, Part& part) {
+        for (int direction = 0; direction < 6; ++direction) {
+            Vec3f normal = Vec3f::Zero();
+            normal[direction / 2] = direction % 2 == 0 ? 1.0f : -1.0f;
+            for (const CubeRectangle& rectangle : rectangles.of(CubeDirection(direction))) {
+                const auto first = uint32_t(part.mesh.vertices.size());
+                for (const BrickCorner& corner : corners_of(rectangle, CubeDirection(direction))) {
+                    part.mesh.vertices.push_back({corner, rectangle.material});
+                    part.normals.push_back(normal);
+                }
+                part.mesh.quads.push_back({first, first + 1, first + 2, first + 3});
+            }
+        }
+    }
+
+    void place_vertices(Part& part) const {
+        const std::array<uint32_t, 3> place = bricks_.place(part.brick);
+        const size_t vertices = part.mesh.vertices.size();
+        part.positions.resize(vertices);
+        part.colors.resize(materials_.by_color ? vertices : 0);
+        for (size_t i = 0; i < vertices; ++i) {
+            const CubeVertex& vertex = part.mesh.vertices[i];
+            for (int axis = 0; axis < 3; ++axis)
+                part.positions[i][axis] =
+                    float(cell_size_ * double(uint64_t{place[size_t(axis)]} * kCubeBrickSide + uint64_t(vertex.corner[axis])));
+            if (!part.colors.empty()) part.colors[i] = color_of(vertex.material);
+        }
+    }
+
+    std::array<uint8_t, 4> color_of(uint32_t material) const {
+        const VoxelColor color = {uint8_t(material >> 16), uint8_t(material >> 8), uint8_t(material)};
+        for (const auto& [transparent, opacity] : settings_.transparent)
+            if (transparent == color) return {color[0], color[1], color[2], opacity};
+        return {color[0], color[1], color[2], 255};
+    }
+
+    // In the order of bricks.
+    void put(std::span<Part> parts) {
+        for (Part& part : parts) {
+            counts_.faces_culled += part.faces;
+            counts_.rectangles += part.rectangles;
+            counts_.triangles += part.mesh.triangles.size();
+            counts_.quads += part.mesh.quads.size();
+            if (part.rectangles != 0) put(part);
+            if (closed()) forget(part.brick);
+        }
+    }
+
+    // Vertices that bricks put out before have are the same; the others get the next numbers.
+    void put(Part& part) {
+        constexpr uint32_t kNew = std::numeric_limits<uint32_t>::max();
+        const size_t vertices = part.mesh.vertices.size();
+        numbers_.assign(vertices, kNew);
+        if (closed())
+            visit_neighbors(part.brick, [&](size_t neighbor, const std::array<int, 3>& step) {
+                if (neighbor < part.brick) find_shared(part, shared_[neighbor], step);
+            });
+        if (counts_.vertices + vertices >= kNew)
+            throw Error(ErrorKind::limit, "the surface has more than 4,294,967,294 vertices: take a coarser depth");
+        size_t kept = 0;
+        for (size_t i = 0; i < vertices; ++i) {
+            if (numbers_[i] != kNew) continue;
+            numbers_[i] = uint32_t(counts_.vertices++);
+            part.positions[kept] = part.positions[i];
+            if (!part.colors.empty()) part.colors[kept] = part.colors[i];
+            ++kept;
+        }
+        for (auto& triangle : part.mesh.triangles)
+            for (uint32_t& v : triangle) v = numbers_[v];
+        for (auto& quad : part.mesh.quads)
+            for (uint32_t& v : quad) v = numbers_[v];
+        if (closed()) {
+            auto& shared = shared_[part.brick];
+            shared.reserve(part.shared.size());
+            for (const auto& [vertex, number] : part.shared) shared.emplace_back(vertex, numbers_[number]);
+        }
+        out_.add({.origin = tree_.frame.origin,
+                  .positions = std::span(part.positions).first(kept),
+                  .normals = part.normals,
+                  .colors = std::span(part.colors).first(part.colors.empty() ? 0 : kept),
+                  .triangles = part.mesh.triangles,
+                  .quads = part.mesh.quads});
+    }
+
+    void find_shared(const Part& part, const std::vector<std::pair<CubeVertex, uint32_t>>& others, const std::array<int, 3>& step) {
+        auto from = others.begin();
+        for (const auto& [vertex, number] : part.shared) {
+            // Of those of a side, the order is the same from the neighbor.
+            bool common = true;
+            std::array<int, 3> c;
+            for (int axis = 0; axis < 3; ++axis) {
+                c[size_t(axis)] = vertex.corner[axis] - kCubeBrickSide * step[size_t(axis)];
+                common = common && c[size_t(axis)] >= 0 && c[size_t(axis)] <= kCubeBrickSide;
+            }
+            if (!common) continue;
+            const CubeVertex there{BrickCorner::at(c), vertex.material};
+            from = std::lower_bound(from, others.end(), there, [](const auto& a, const CubeVertex& b) { return a.first < b; });
+            if (from != others.end() && from->first == there) numbers_[number] = from->second;
+        }
+    }
+
+    // Lets go of what no brick to come asks for.
+    void forget(size_t brick) {
+        const auto forget_if_done = [&](size_t candidate) {
+            size_t last = candidate;
+            visit_neighbors(candidate, [&](size_t neighbor, const std::array<int, 3>&) { last = std::max(last, neighbor); });
+            if (last <= brick) std::vector<std::pair<CubeVertex, uint32_t>>().swap(shared_[candidate]);
+        };
+        forget_if_done(brick);
+        visit_neighbors(brick, [&](size_t neighbor, const std::array<int, 3>&) {
+            if (neighbor < brick && !shared_[neighbor].empty()) forget_if_done(neighbor);
+        });
+    }
+
+    const VoxelTree& tree_;
+    const CubeSurfaceSettings& settings_;
+    SurfaceSink& out_;
+    int depth_;
+    TreeBricks bricks_;
+    CubeMaterials materials_;
+    double cell_size_;
+    IdlePool<Worker> workers_;
+    CubeSurfaceCounts counts_;
+    std::vector<std::vector<BrickCorner>> corners_;                     // [bricks]
+    std::vector<std::vector<std::pair<CubeVertex, uint32_t>>> shared_;  // [bricks] with their numbers in the surface
+    std::vector<uint32_t> numbers_;                                     // of a part's vertices in the surface
+};
+
+}  // namespace
+
+CubeSurfaceCounts mesh_cubes(const VoxelTree& tree, const CubeSurfaceSettings& settings, SurfaceSink& out) {
+    if (tree.empty()) return {};
+    if (settings.depth < 0 || settings.depth > tree.depth())
+        throw Error(ErrorKind::usage,
+                    "expected a depth of 1 to " + std::to_string(tree.depth()) + ", got " + std::to_string(settings.depth));
+    const int depth = settings.depth == 0 ? tree.depth() : settings.depth;
+    if (!settings.transparent.empty() && !(settings.colors && CubeSurface::has_colors(tree, depth)))
+        throw Error(ErrorKind::usage, "colors that can be seen through are given, but the voxels have no colors");
+    return CubeSurface(tree, settings, out).run();
+}
+
+int depth_of_error(const VoxelTree& tree, double error_voxels) {
+    const int finest = std::max(tree.depth(), 1);
+    int depth = finest;
+    while (depth > 1 && std::sqrt(3.0) * (std::ldexp(1.0, finest - depth + 1) - 1.0) <= error_voxels) --depth;
+    return depth;
+}
+
+int depth_of_error_px(const VoxelTree& tree, const Box3d& bounds, const Camera& camera, uint32_t width_px, uint32_t height_px,
+                      double error_px) {
+    const double aspect = double(width_px) / double(height_px);
+    const double units_per_pixel = 1.0 / pixels_per_unit(camera, least_depth(camera, aspect, bounds), height_px);
+    const double cell = tree.frame.voxel_size * std::ldexp(1.0, tree.frame.depth() - tree.depth());
+    return depth_of_error(tree, error_px * units_per_pixel / cell);
+}
+
+}  // namespace strata
