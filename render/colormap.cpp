@@ -186,4 +186,9 @@ Rgba8 category_color(uint64_t number) {
     return table[number % table.size()];
 }
 
+Rgba8 direction_color(const Vec3f& direction) {
+    const auto code = [](float n) { return uint8_t(std::lround(255.0f * std::clamp(0.5f + 0.5f * n, 0.0f, 1.0f))); };
+    return make_rgba(code(direction.x()), code(direction.y()), code(direction.z()));
+}
+
 }  // namespace strata

@@ -50,4 +50,7 @@ std::string_view classification_name(uint8_t code);
 /// Colors for numbers without an order (source ids, return numbers, levels): consecutive ones look different.
 Rgba8 category_color(uint64_t number);
 
+/// A direction of length 1: red, green and blue are 0.5 + 0.5 n.
+Rgba8 direction_color(const Vec3f& direction);
+
 }  // namespace strata

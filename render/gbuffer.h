@@ -10,7 +10,7 @@ namespace strata {
 
 /// What a pixel shows: from the highest bit on 8 bits of drawable (its number in the scene), 24 bits of slot and 32 bits of primitive.
 /// Of a cloud the slot is the node's among those drawn (in key order), and the primitive the point's index in it;
-/// of voxels they are voxel_slot(hit) and the node.
+/// of voxels they are voxel_slot(hit) and the node; of meshes the side that is seen and the triangle.
 using PixelId = uint64_t;
 inline constexpr PixelId kNoPixelId = ~PixelId{0};
 inline constexpr uint32_t kMostSlots = 1 << 24;

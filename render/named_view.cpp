@@ -13,6 +13,7 @@ namespace {
 constexpr size_t kSamplePoints = 50'000;
 constexpr size_t kSampleNodes = 4096;
 constexpr size_t kSampleCells = 20'000;
+constexpr size_t kSampleTriangles = 50'000;  // of a mesh, beside its outermost corners
 constexpr double kViewMargin = 0.03;  // of the picture, at each side
 constexpr double kStrayShare = 1e-3;  // of the points may be strays at each end of an axis
 
@@ -65,6 +66,29 @@ std::vector<Vec3d> sample_positions(LayeredCloud& cloud) {
     return points;
 }
 
+namespace {
+
+// Corners of some triangles of a mesh, and the outermost ones along 26 directions, as a horn may be one vertex.
+void add_sample(const TriangleMesh& mesh, std::vector<Vec3d>& points) {
+    const size_t step = mesh.triangles.size() / kSampleTriangles + 1;
+    for (size_t i = 0; i < mesh.triangles.size(); i += step)
+        for (const uint32_t vertex : mesh.triangles[i]) points.push_back(mesh.positions[vertex]);
+    if (step == 1) return;
+    std::vector<Vec3d> directions;
+    for (int x = -1; x <= 1; ++x)
+        for (int y = -1; y <= 1; ++y)
+            for (int z = -1; z <= 1; ++z)
+                if (x != 0 || y != 0 || z != 0) directions.push_back(Vec3d(x, y, z).normalized());
+    std::vector<uint32_t> outermost(directions.size(), mesh.triangles[0][0]);
+    for (const std::array<uint32_t, 3>& triangle : mesh.triangles)
+        for (const uint32_t vertex : triangle)
+            for (size_t i = 0; i < directions.size(); ++i)
+                if (directions[i].dot(mesh.positions[vertex] - mesh.positions[outermost[i]]) > 0.0) outermost[i] = vertex;
+    for (const uint32_t vertex : outermost) points.push_back(mesh.positions[vertex]);
+}
+
+}  // namespace
+
 std::vector<Vec3d> sample_positions(const Scene& scene) {
     std::vector<Vec3d> points;
     if (scene.cloud != nullptr) points = sample_positions(*scene.cloud);
@@ -78,6 +102,7 @@ std::vector<Vec3d> sample_positions(const Scene& scene) {
             }
         }
     }
+    for (const MeshModel& model : scene.meshes) add_sample(*model.mesh, points);
     return points;
 }
 

@@ -16,7 +16,7 @@ namespace strata {
 /// returns  empty for a cloud without points
 std::vector<Vec3d> sample_positions(LayeredCloud& cloud);
 
-/// Those of a scene's cloud, and corners of cells that hold the voxels.
+/// Those of a scene's cloud, corners of cells that hold the voxels, and corners of triangles, the outermost ones among them.
 std::vector<Vec3d> sample_positions(const Scene& scene);
 
 /// The camera of `--view`: iso, top, front, back, left or right, framed around the points. front looks north.

@@ -13,6 +13,7 @@
 #include "render/pass/edl_kernel.h"
 #include "render/pass/fill_kernel.h"
 #include "render/pass/fill_pass.h"
+#include "render/pass/mesh_pass.h"
 #include "render/pass/points_kernel.h"
 #include "render/pass/ssao_pass.h"
 #include "render/pass/voxels_pass.h"
@@ -165,6 +166,7 @@ struct Renderer::Frame {
     Stopwatch& watch;
     PointsGlPass* gpu = nullptr;  // none: the CPU rasterizes
     uint64_t gpu_bytes = 0;       // most that points take of its memory
+    std::vector<bool> meshes_seen = {};
 };
 
 // Rows of the picture that are drawn at a time, for a sample that lies off the middle of its pixel.
@@ -210,6 +212,7 @@ struct Renderer::Gl {
 // Kept from frame to frame: fresh memory costs more than what is written to it.
 struct Renderer::Buffers {
     PointsPass points;
+    MeshPass meshes;
     GBuffer gbuffer, other_samples;
     SsaoKernel ssao;
     std::vector<Rgba8> shaded;
@@ -261,7 +264,7 @@ PointsGlPass* Renderer::gpu_rasterizer(const RenderSettings& settings) {
 
 // Selects, loads and cuts. used_bytes: of the memory cap, by what is not points
 Renderer::ChosenPoints Renderer::choose_points(Frame& frame, LayeredCloud& cloud, uint64_t used_bytes) {
-    auto& [camera, settings, report, watch, gpu, gpu_bytes] = frame;
+    auto& [camera, settings, report, watch, gpu, gpu_bytes, meshes_seen] = frame;
     const bool normals = settings.splat.shape == SplatShape::surfel;
     const ResidencySettings residency = {settings.color, settings.colormap, settings.range, settings.filter, normals, settings.threads};
     if (!resident_ || !resident_->is_for(cloud, residency)) {
@@ -315,7 +318,7 @@ Renderer::ChosenPoints Renderer::choose_points(Frame& frame, LayeredCloud& cloud
 }
 
 void Renderer::draw_points(Frame& frame, const LayeredCloud& cloud, const ChosenPoints& chosen, const Strip& strip, GBuffer& out) {
-    auto& [camera, settings, report, watch, gpu, gpu_bytes] = frame;
+    auto& [camera, settings, report, watch, gpu, gpu_bytes, meshes_seen] = frame;
     PointsPass& pass = buffers_->points;
     PointProjection projection(camera, cloud.info().quantization, settings.width, settings.height);
     projection.center_x -= strip.offset_px.x();
@@ -346,14 +349,22 @@ void Renderer::draw_voxels(Frame& frame, const Scene& scene, const Strip& strip,
     frame.report.bound_by = drawn.short_of_memory ? BoundBy::memory : BoundBy::error;
 }
 
+void Renderer::draw_meshes(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out) {
+    const RenderSettings& settings = frame.settings;
+    const MeshView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads};
+    frame.meshes_seen.resize(scene.meshes.size());
+    for (size_t i = 0; i < scene.meshes.size(); ++i)
+        if (buffers_->meshes.draw(scene.meshes[i], uint32_t(1 + scene.voxels.size() + i), view, out)) frame.meshes_seen[i] = true;
+}
+
 RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, const RenderSettings& settings,
                                     const std::function<void(const RenderedRows&)>& on_rows) {
     if (settings.width == 0 || settings.height == 0 || settings.width > kLargestSide || settings.height > kLargestSide)
         throw Error(ErrorKind::usage, "a picture's sides are from 1 to " + std::to_string(kLargestSide) + " pixels");
     if (settings.samples < 1 || settings.samples > kMostSamples)
         throw Error(ErrorKind::usage, "1 to " + std::to_string(kMostSamples) + " samples are possible");
-    if (scene.voxels.size() >= kMostDrawables)
-        throw Error(ErrorKind::usage, "at most " + std::to_string(kMostDrawables - 1) + " voxel models are possible in one picture");
+    if (scene.voxels.size() + scene.meshes.size() >= kMostDrawables)
+        throw Error(ErrorKind::usage, "at most " + std::to_string(kMostDrawables - 1) + " voxel models and meshes are possible in one picture");
     check_camera(camera);
     RenderReport report;
     Stopwatch watch(report);
@@ -374,6 +385,12 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
     const uint64_t strip_pixels = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach));
     uint64_t used_bytes = strip_pixels * pixel_bytes(settings) + (gpu != nullptr && gl_->software ? gpu_bytes + strip_pixels * gpu_pixel_bytes(settings.splat) : 0);
     for (const VoxelModel& model : scene.voxels) used_bytes += size_bytes(*model.tree);
+    uint64_t most_vertices = 0;
+    for (const MeshModel& model : scene.meshes) {
+        used_bytes += mesh_model_bytes(*model.mesh, model.style.shading).kept;
+        most_vertices = std::max<uint64_t>(most_vertices, model.mesh->positions.size());
+    }
+    if (!scene.meshes.empty()) used_bytes += MeshPass::working_bytes(most_vertices, strip_pixels);
     ChosenPoints chosen;
     if (scene.cloud != nullptr) chosen = choose_points(frame, *scene.cloud, used_bytes);
 
@@ -386,7 +403,7 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
     if (gl_) report.gl_renderer = gl_->context.renderer();
 
     // Depths and identities are those of the first sample, which lies in the middle of the pixel.
-    auto& [points, first, others, ssao, shaded, sums] = *buffers_;
+    auto& [points, meshes, first, others, ssao, shaded, sums] = *buffers_;
     for (uint32_t row = 0; row < settings.height; row += strip_rows) {
         const uint32_t rows = std::min(strip_rows, settings.height - row);
         // Neighbours of the strip's own rows are drawn with it, so that its seams do not show.
@@ -408,10 +425,14 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
                     fill_holes(gbuffer, settings.fill, camera, settings.height, settings.threads);
                 watch.lap("fill");
             }
-            // Voxels have no gaps to fill, and must not close those of points.
+            // Voxels and meshes have no gaps to fill, and must not close those of points.
             if (!scene.voxels.empty()) {
                 draw_voxels(frame, scene, strip, gbuffer);
                 watch.lap("voxels");
+            }
+            if (!scene.meshes.empty()) {
+                draw_meshes(frame, scene, strip, gbuffer);
+                watch.lap("meshes");
             }
             if (ssao_reach > 0) {
                 if (gl_passes != nullptr)
@@ -441,6 +462,8 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
                  settings.with_ids ? std::span(first.ids).subspan(skip, count) : std::span<PixelId>()});
         watch.lap("output");
     }
+    for (size_t i = 0; i < frame.meshes_seen.size(); ++i)
+        if (frame.meshes_seen[i]) report.triangles_drawn += scene.meshes[i].mesh->triangles.size();
     if (report.points_drawn > 0) ms_per_point_ = (watch.total_ms() - chosen.loaded_ms) / double(report.points_drawn);
     if (gpu != nullptr) report.uploaded_bytes = gpu->uploaded_bytes() - uploaded_before;
     report.frame_ms = watch.total_ms();

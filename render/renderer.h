@@ -63,6 +63,7 @@ struct RenderReport {
     uint64_t nodes_drawn = 0;
     uint64_t nodes_missing = 0;  // that are still to come: the next frame of this view is better
     int voxel_depth = 0;         // of the finest cells drawn; 0: no voxels were
+    uint64_t triangles_drawn = 0;  // of the meshes that the picture shows, all of them
     double error_px = 0.0;  // what the picture is off by: from selection, or how large cells look that are coarser than voxels
     BoundBy bound_by = BoundBy::error;
     Rasterizer rasterizer = Rasterizer::cpu;  // what drew the points: never automatic
@@ -106,6 +107,7 @@ private:
     ChosenPoints choose_points(Frame& frame, LayeredCloud& cloud, uint64_t used_bytes);
     void draw_points(Frame& frame, const LayeredCloud& cloud, const ChosenPoints& chosen, const Strip& strip, GBuffer& out);
     void draw_voxels(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out);
+    void draw_meshes(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out);
 
     std::unique_ptr<Buffers> buffers_;
     std::unique_ptr<Gl> gl_;  // none: not started, or of no use. On software GL only for the rasterizer that was asked for

@@ -5,17 +5,18 @@
 
 #include "core/math/box.h"
 #include "core/octree/layered_cloud.h"
+#include "render/mesh_model.h"
 #include "render/voxel_model.h"
 
 namespace strata {
 
-/// The opaque things that a picture shows, by their numbers in pixel ids: the cloud is 0, voxels are 1 and on, in their order.
-/// They fill one G-buffer; what is nearer wins, and of what is equally near the lower number. A scene owns neither cloud nor trees: they
-/// must outlive the frame.
+/// The opaque things that a picture shows, by their numbers in pixel ids: the cloud is 0, voxels are 1 and on, in their order, and then come meshes.
+/// They fill one G-buffer; what is nearer wins, and of what is equally near the lower number. A scene owns neither cloud nor trees nor the triangles
+/// of meshes: they must outlive the frame.
 struct Scene {
     LayeredCloud* cloud = nullptr;  // none: no points
     std::vector<VoxelModel> voxels;
-    // Meshes will follow here, with the numbers behind those of voxels.
+    std::vector<MeshModel> meshes;
 
     Scene() = default;
     Scene(LayeredCloud& only) : cloud(&only) {}  // a cloud is a scene
@@ -24,6 +25,7 @@ struct Scene {
     Box3d bounds() const {
         Box3d box = cloud != nullptr ? cloud->info().bounds : Box3d();
         for (const VoxelModel& model : voxels) box.extend(model.bounds);
+        for (const MeshModel& model : meshes) box.extend(model.bounds);
         return box;
     }
 };

@@ -52,11 +52,6 @@ ColorRange range_of_elevations(const VoxelTree& tree) {
     return percentile_range(values);
 }
 
-Rgba8 color_of_normal(const Vec3f& normal) {
-    const auto code = [](float n) { return uint8_t(std::lround(255.0f * std::clamp(0.5f + 0.5f * n, 0.0f, 1.0f))); };
-    return make_rgba(code(normal.x()), code(normal.y()), code(normal.z()));
-}
-
 }  // namespace
 
 std::optional<CellEntry> attribute_entry(const VoxelTree& tree, const VoxelHit& hit) {
@@ -105,7 +100,7 @@ Rgba8 VoxelColors::ramp(double value) const {
 Rgba8 VoxelColors::color(const VoxelTree& tree, const VoxelHit& hit, const Vec3f& normal) const {
     switch (rule_) {
         case Rule::plain: break;
-        case Rule::normal: return color_of_normal(normal);
+        case Rule::normal: return direction_color(normal);
         case Rule::level: return category_color(uint64_t(hit.depth));
         case Rule::elevation: {
             const double side = double(uint32_t{1} << (tree.frame.depth() - hit.depth));

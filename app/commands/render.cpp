@@ -51,6 +51,7 @@ nlohmann::ordered_json stats_json(const RenderRequest& request, const RenderRepo
     nlohmann::ordered_json stats = {{"points_drawn", report.points_drawn},
                                     {"nodes_drawn", report.nodes_drawn},
                                     {"voxel_depth", report.voxel_depth},
+                                    {"triangles_drawn", report.triangles_drawn},
                                     {"error_px", report.error_px},
                                     {"bound_by", bound_name(report.bound_by)},
                                     {"rasterizer", report.rasterizer == Rasterizer::gpu ? "gpu" : "cpu"},
@@ -116,14 +117,17 @@ std::vector<std::string> files_read(const Options& options) {
     return files;
 }
 
-// "N of M points "; "voxels down to depth D of E "
+// "N of M points "; "voxels down to depth D of E "; "N triangles "
 std::string what_was_drawn(const SceneFiles& files, const RenderReport& report) {
     std::string text;
     if (files.cloud) text += with_commas(report.points_drawn) + " of " + with_commas(files.cloud->info().points) + " points ";
-    if (files.voxels.empty()) return text;
-    int finest = 0;
-    for (const OpenedVoxels& model : files.voxels) finest = std::max(finest, model.tree->frame.depth());
-    return text + (files.cloud ? "and " : "") + "voxels down to depth " + std::to_string(report.voxel_depth) + " of " + std::to_string(finest) + " ";
+    if (!files.voxels.empty()) {
+        int finest = 0;
+        for (const OpenedVoxels& model : files.voxels) finest = std::max(finest, model.tree->frame.depth());
+        text += std::string(text.empty() ? "" : "and ") + "voxels down to depth " + std::to_string(report.voxel_depth) + " of " + std::to_string(finest) + " ";
+    }
+    if (!files.meshes.empty()) text += std::string(text.empty() ? "" : "and ") + with_commas(report.triangles_drawn) + " triangles ";
+    return text;
 }
 
 int run(const Options& options) {
@@ -165,9 +169,9 @@ int run(const Options& options) {
     if (report.failures.count > 0)
         throw Error(ErrorKind::malformed, std::to_string(report.failures.count) + " nodes cannot be read, so there is no picture; first: " +
                                               report.failures.first);
-    const bool empty = (!files.cloud || files.cloud->info().points == 0) &&
+    const bool empty = files.meshes.empty() && (!files.cloud || files.cloud->info().points == 0) &&
                        std::all_of(files.voxels.begin(), files.voxels.end(), [](const OpenedVoxels& model) { return model.tree->empty(); });
-    if (report.points_drawn == 0 && report.voxel_depth == 0 && !empty && !request.quiet)
+    if (report.points_drawn == 0 && report.voxel_depth == 0 && report.triangles_drawn == 0 && !empty && !request.quiet)
         std::fprintf(stderr, "note: %s: nothing is in sight: the view, --clip or --filter leave nothing\n", request.output.c_str());
     write_place(place_path, place, request.overwrite);
     if (depth) depth->finish();

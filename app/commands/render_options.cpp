@@ -30,11 +30,14 @@ constexpr OptionRow kRows[] = {
     {"--camera", "", "FILE.json", "", "the camera of a file, {\"eye\": [x,y,z], \"target\": ..., \"up\": ..., \"fov\": degrees} or with ortho_height; --stats prints one"},
     {"--ortho", "", "", "", "parallel projection: equal lengths look equal at any distance"},
     {"--meters-per-pixel", "", "UNITS", "", "CRS units a pixel, for --ortho; sets the size too unless --size is given"},
-    {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, normal, density, or an attribute; default: rgb, else elevation. Of voxels rgb, elevation, count, normal, lod or plain; default: rgb, else plain"},
+    {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, normal, density, or an attribute; default: rgb, else elevation. Of voxels rgb, elevation, count, normal, lod or plain, of meshes rgb, elevation, normal or plain; default: rgb, else plain"},
     {"--colormap", "", "NAME", "", "color map for quantities"},
     {"--range", "", "LOW,HIGH", "", "values that the color map reaches over; default: 2nd to 98th percentile"},
     {"--preview", "", "", "", "of LAS and LAZ files, the first of each run of points only, 2 million at most: a first look at any size"},
     {"--voxels", "", "flat|smooth", "flat", "how voxels are drawn: as cubes, or lit and with the depth of the surface that they stand for"},
+    {"--mesh", "", "flat|smooth", "smooth", "how meshes are lit: each triangle as the plane that it is, or by normals that change evenly except at creases of more than 45 degrees"},
+    {"--wireframe", "", "", "", "draw the edges of the triangles of meshes, where those look larger than a few pixels"},
+    {"--backfaces", "", "", "", "give triangles of meshes that are seen from behind a color of their own: shows which way they turn"},
     {"--splat", "", "KIND", "paraboloid", "how a point is drawn: square, disc, paraboloid (they meet where they overlap on a surface), gaussian (paraboloids whose colors are averaged: smooth) or surfel (a disc across the point's normal, of 'convert --normals')"},
     {"--point-size", "", "adaptive|PIXELS", "adaptive", "diameter of a point; adaptive: from the spacing of the points, so that surfaces close"},
     {"--min-point-size", "", "PIXELS", "1", "least diameter of adaptive sizes"},
@@ -284,7 +287,13 @@ VoxelShading parse_voxels(const Options& options) {
     refuse("--voxels", "flat or smooth", name);
 }
 
-// Colors of the cloud and of the voxels, by one name where one is given: what does not have it shows what it does by default, but
+MeshStyle parse_mesh(const Options& options) {
+    const std::string name = options.text("--mesh");
+    if (name != "flat" && name != "smooth") refuse("--mesh", "flat or smooth", name);
+    return {name == "flat" ? MeshShading::flat : MeshShading::smooth, options.given("--wireframe"), options.given("--backfaces")};
+}
+
+// Colors of the cloud, of the voxels and of the meshes, by one name where one is given: what does not have it shows what it does by default, but
 // something must have it.
 void choose_colors(const Options& options, const SceneFiles& files, RenderRequest& request) {
     RenderSettings& settings = request.settings;
@@ -300,7 +309,7 @@ void choose_colors(const Options& options, const SceneFiles& files, RenderReques
             settings.color = find_color_channel(files.cloud->info(), sensible_color(*files.cloud));
         }
         // Of one scene, equal heights have one color.
-        if (settings.color.rule == ColorChannel::Rule::elevation && !settings.range && !files.voxels.empty())
+        if (settings.color.rule == ColorChannel::Rule::elevation && !settings.range && !(files.voxels.empty() && files.meshes.empty()))
             settings.range = derive_range(*files.cloud, settings.color);
     }
     const VoxelShading shading = parse_voxels(options);
@@ -315,8 +324,19 @@ void choose_colors(const Options& options, const SceneFiles& files, RenderReques
         }
         request.scene.voxels.emplace_back(*model.tree, std::move(*colors), shading);
     }
+    for (const OpenedMesh& model : files.meshes) {
+        std::optional<MeshColors> colors;
+        try {
+            colors.emplace(*model.mesh, name, settings.range, settings.colormap);
+            taken = true;
+        } catch (const Error& error) {
+            if (!refused) refused = files.meshes.size() > 1 ? error.within(model.path) : error;
+            colors.emplace(*model.mesh, "", settings.range, settings.colormap);
+        }
+        request.scene.meshes.emplace_back(*model.mesh, std::move(*colors), parse_mesh(options), settings.threads);
+    }
     if (!taken && refused) throw *refused;
-    request.color_name = files.cloud ? settings.color.name : request.scene.voxels.empty() ? "" : request.scene.voxels[0].colors.name();
+    request.color_name = files.cloud ? settings.color.name : !request.scene.voxels.empty() ? request.scene.voxels[0].colors.name() : request.scene.meshes[0].colors.name();
 }
 
 // The picture is a PNG whatever it is called; a name that says otherwise misleads whoever opens it.
@@ -344,6 +364,7 @@ void check_render_options(const Options& options) {
     parse_splat(options);
     parse_rasterizer(options);
     parse_voxels(options);
+    parse_mesh(options);
     parse_fov(options);
     if (options.given("--colormap")) Colormap(options.text("--colormap"));  // refuses names that it does not know
     if (options.given("--range")) options.numbers("--range", 2);

@@ -17,7 +17,7 @@ struct RenderRequest {
     Scene scene;  // of the files, which must outlive it
     RenderSettings settings;
     Camera camera;
-    std::string color_name;  // of the cloud or, without one, of the first voxels
+    std::string color_name;  // of the cloud or, without one, of the first voxels, or else mesh
     std::string output, depth_output, reference;
     double threshold = 0.0;
     bool overwrite = false;

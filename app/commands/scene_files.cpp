@@ -11,8 +11,11 @@
 #include "core/octree/memory_cloud.h"
 #include "core/voxel/voxel_tree_builder.h"
 #include "io/format.h"
+#include "io/mesh/mesh_reader.h"
 #include "io/svo/svo_file.h"
 #include "io/vdb/vdb_voxels.h"
+#include "render/mesh_model.h"
+#include "render/pass/mesh_pass.h"
 #include "render/voxel_model.h"
 
 namespace strata {
@@ -74,6 +77,21 @@ OpenedVoxels open_voxels(const Options& options, const std::string& path, uint64
     return {path, file.labels().crs, std::make_unique<VoxelTree>(file.load(levels, attributes, thread_count(options)))};
 }
 
+MeshShading mesh_shading(const Options& options) { return options.text("--mesh") == "flat" ? MeshShading::flat : MeshShading::smooth; }
+
+OpenedMesh open_mesh(const Options& options, const std::string& path, uint64_t memory_bytes) {
+    MeshReport report;
+    OpenedMesh opened = {path, std::make_unique<TriangleMesh>(read_mesh(path, {.most_bytes = memory_bytes, .triangles_needed = true}, &report))};
+    for (const std::string& note : report.notes)
+        if (!options.given("--quiet")) std::fprintf(stderr, "note: %s: %s\n", path.c_str(), note.c_str());
+    const MeshModelBytes bytes = mesh_model_bytes(*opened.mesh, mesh_shading(options));
+    const uint64_t needed = std::max(bytes.most, bytes.kept + MeshPass::working_bytes(opened.mesh->positions.size(), 0));
+    if (needed > memory_bytes)
+        throw Error(ErrorKind::limit, path + ": drawing the mesh needs " + std::to_string(needed) + " bytes of memory, " + std::to_string(memory_bytes) +
+                                          " are allowed; --memory gives more");
+    return opened;
+}
+
 }  // namespace
 
 std::string SceneFiles::crs() const {
@@ -84,13 +102,17 @@ std::string SceneFiles::crs() const {
 }
 
 SceneFiles open_scene_files(const Options& options) {
-    std::vector<std::string> points, voxels;
+    std::vector<std::string> points, voxels, meshes;
     for (const std::string& word : options.positional) {
         const FormatKind kind = std::filesystem::is_directory(word) ? FormatKind::points : identify_format(word).kind;
-        (kind == FormatKind::voxels || kind == FormatKind::grids ? voxels : points).push_back(word);
+        (kind == FormatKind::mesh ? meshes : kind == FormatKind::voxels || kind == FormatKind::grids ? voxels : points).push_back(word);
     }
     SceneFiles files;
     uint64_t left = memory_cap(options);
+    for (const std::string& path : meshes) {
+        files.meshes.push_back(open_mesh(options, path, left));
+        left -= std::min(left, mesh_model_bytes(*files.meshes.back().mesh, mesh_shading(options)).kept);
+    }
     for (const std::string& path : voxels) files.voxels.push_back(open_voxels(options, path, left / kVoxelShare / voxels.size()));
     for (const OpenedVoxels& model : files.voxels) left -= std::min(left, size_bytes(*model.tree));
     if (!points.empty()) files.cloud = open_cloud(options, points, left);

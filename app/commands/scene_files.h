@@ -6,6 +6,7 @@
 
 #include "app/options.h"
 #include "core/octree/layered_cloud.h"
+#include "core/surface/triangle_mesh.h"
 #include "core/voxel/voxel_tree.h"
 
 namespace strata {
@@ -16,17 +17,24 @@ struct OpenedVoxels {
     std::unique_ptr<VoxelTree> tree;
 };
 
-/// What the words of `strata render` hold: files of points or a level-of-detail set make one cloud, each voxel file is a model.
+/// A mesh file in memory.
+struct OpenedMesh {
+    std::string path;
+    std::unique_ptr<TriangleMesh> mesh;
+};
+
+/// What the words of `strata render` hold: files of points or a level-of-detail set make one cloud, each voxel file and each mesh is a model.
 struct SceneFiles {
     std::unique_ptr<LayeredCloud> cloud;  // none: no word is one of points
     std::vector<OpenedVoxels> voxels;
+    std::vector<OpenedMesh> meshes;
 
     /// As the files say, the cloud first; empty: unknown.
     std::string crs() const;
 };
 
 /// Opens files and folders by what they are. Of voxel files (.svo) that do not fit in half of --memory the finest levels stay
-/// out; a grid must fit.
+/// out; a grid and a mesh must fit.
 /// throws  Error, naming the file
 SceneFiles open_scene_files(const Options& options);
 

@@ -4,14 +4,11 @@
 #include <array>
 #include <cmath>
 
+#include "render/sky_light.h"
 #include "render/srgb.h"
 
 namespace strata {
 namespace {
-
-// A sky whose light changes evenly from one side to the other: of the faces up gets all, then south, east, west, north, down.
-constexpr float kLevelLight = 0.675f;
-constexpr std::array<float, 3> kSkyLight = {0.057f, -0.191f, 0.325f};
 
 constexpr double kLineWidth = 1.0;      // pixels, of the borders of cells
 constexpr double kLineDarkness = 0.3;   // of linear light, in full
@@ -42,10 +39,6 @@ const std::array<std::array<uint8_t, 256>, 256>& dimmed() {
 Rgba8 lit(Rgba8 color, float light) {
     const auto& dim = dimmed()[size_t(std::clamp(light, 0.0f, 1.0f) * 255.0f + 0.5f)];
     return make_rgba(dim[red_of(color)], dim[green_of(color)], dim[blue_of(color)], alpha_of(color));
-}
-
-float sky_light(const Vec3f& normal) {
-    return kLevelLight + kSkyLight[0] * normal.x() + kSkyLight[1] * normal.y() + kSkyLight[2] * normal.z();
 }
 
 Vec3f face_normal(CellFace face) {
