@@ -26,8 +26,11 @@ float corner_angle(const TriangleMesh& mesh, size_t triangle, size_t corner) {
     const std::array<uint32_t, 3>& t = mesh.triangles[triangle];
     const Vec3d& p = mesh.positions[t[corner]];
     const Vec3d u = mesh.positions[t[(corner + 1) % 3]] - p, v = mesh.positions[t[(corner + 2) % 3]] - p;
-    const double cosine = u.dot(v) / std::sqrt(u.squaredNorm() * v.squaredNorm());
-    return std::acos(float(std::clamp(cosine, -1.0, 1.0)));
+    const double inverse = 1.0 / std::sqrt(u.squaredNorm() * v.squaredNorm());
+    const float cosine = float(u.dot(v) * inverse);
+    if (std::abs(cosine) < 0.9f) return std::acos(cosine);
+    const float angle = std::asin(float(std::min(u.cross(v).norm() * inverse, 1.0)));  // of a small angle the cosine says nothing
+    return cosine > 0.0f ? angle : float(M_PI) - angle;
 }
 
 // Corners by their vertex, and then by their triangle.

@@ -9,7 +9,7 @@
 
 namespace strata {
 
-/// A direction in 32 bits, within 5e-5 of what was packed.
+/// A direction in 32 bits, within 1e-4 of what was packed.
 /// source  the octahedron of Q. Meyer et al., "On Floating-Point Normal Vectors", EGSR 2010
 uint32_t pack_normal(const Vec3f& normal);
 inline constexpr uint32_t kNoNormal = 0x80008000;  // packed by nothing

@@ -40,7 +40,7 @@ PlaneHit meet(const std::array<Vec3d, 3>& corners, const MeshProjection::Ray& ra
     return hit;
 }
 
-// Within the triangle, as a pixel's center may lie beside it by the rounding of corners.
+// Of the corners, within the triangle, as a pixel's center may lie beside it by the rounding of corners.
 Vec3d weights_of(const PlaneHit& hit) {
     double b = hit.over_b / hit.det, c = hit.over_c / hit.det;
     b = b > 0.0 ? std::min(b, 1.0) : 0.0;  // 0 for NaN, too
@@ -48,6 +48,15 @@ Vec3d weights_of(const PlaneHit& hit) {
     const double sum = b + c;
     if (sum > 1.0) b /= sum, c /= sum;
     return {std::max(1.0 - b - c, 0.0), b, c};
+}
+
+// On the triangle's plane, but not beyond its corners: seen from the side, the plane may be anywhere.
+double depth_of(const MeshProjection& view, const PlaneHit& hit, const Vec3d& first, const Vec3d& weights) {
+    const double at_first = view.forward.dot(first), to_b = view.forward.dot(hit.edge_b), to_c = view.forward.dot(hit.edge_c);
+    const double on_plane = at_first + (hit.over_b * to_b + hit.over_c * to_c) / hit.det;
+    const double depth = std::isfinite(on_plane) ? std::clamp(on_plane, at_first + std::min({0.0, to_b, to_c}), at_first + std::max({0.0, to_b, to_c}))
+                                                 : at_first + weights[1] * to_b + weights[2] * to_c;
+    return std::max(depth, view.near_depth);
 }
 
 // How much of a pixel the wires of its triangle cover, where triangles are large enough to have them.
@@ -113,8 +122,7 @@ bool MeshShade::draw_row(uint32_t row, uint32_t left, uint32_t right, GBuffer& o
             const MeshProjection::Ray ray = view.ray(double(x) + 0.5, y);
             const PlaneHit hit = meet(corners, ray);
             const Vec3d weights = weights_of(hit);
-            const double exact_depth = view.forward.dot(corners[0]) + weights[1] * view.forward.dot(hit.edge_b) + weights[2] * view.forward.dot(hit.edge_c);
-            const float depth = float(std::max(exact_depth, view.near_depth));
+            const float depth = float(depth_of(view, hit, corners[0], weights));
             const size_t pixel = first_pixel + x;
             if (!(depth < out.depths[pixel])) continue;
             drawn = true;

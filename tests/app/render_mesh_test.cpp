@@ -1,0 +1,207 @@
+// strata render of mesh files as users run it, alone and beside points and voxels: the real program, pictures against baselines.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "render/image.h"
+#include "tests/support/run_program.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/test_meshes.h"
+
+namespace strata {
+namespace {
+
+namespace fs = std::filesystem;
+using test::ProgramResult;
+using test::run_strata;
+
+std::string bytes_of(const std::string& path) {
+    std::ifstream file(path, std::ios::binary);
+    std::ostringstream text;
+    text << file.rdbuf();
+    return text.str();
+}
+
+void write_obj(const std::string& path, const TriangleMesh& mesh) {
+    std::ofstream file(path);
+    file.precision(17);
+    for (size_t i = 0; i < mesh.positions.size(); ++i) {
+        const Vec3d& p = mesh.positions[i];
+        file << "v " << p.x() << ' ' << p.y() << ' ' << p.z();
+        if (!mesh.colors.empty()) file << ' ' << mesh.colors[i][0] / 255.0 << ' ' << mesh.colors[i][1] / 255.0 << ' ' << mesh.colors[i][2] / 255.0;
+        file << '\n';
+    }
+    for (const auto& [a, b, c] : mesh.triangles) file << "f " << a + 1 << ' ' << b + 1 << ' ' << c + 1 << '\n';
+}
+
+// A ring, a ball and a slab at the village of the repository's sample data.
+TriangleMesh scene_mesh() {
+    const Vec3d place(548015, 5327990, 480);
+    TriangleMesh mesh = torus_mesh(place + Vec3d(0, 0, 8), 6.0, 2.0, 24);
+    append(mesh, sphere_mesh(place + Vec3d(9, -9, 6), 4.0, 12));
+    append(mesh, box_mesh(place + Vec3d(3, -3, 1), Vec3d(12, 9, 0.5), Eigen::AngleAxisd(0.3, Vec3d::UnitZ()).toRotationMatrix()));
+    for (size_t i = 0; i < mesh.positions.size(); ++i) mesh.colors.push_back({uint8_t(120 + i % 3 * 60), uint8_t(200 - i % 7 * 20), uint8_t(90 + i % 5 * 30), 255});
+    return mesh;
+}
+
+class RenderMesh : public testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        folder_ = new TemporaryFolder;
+        write_obj(file("scene.obj"), scene_mesh());
+    }
+    static void TearDownTestSuite() {
+        delete folder_;
+        folder_ = nullptr;
+    }
+    static std::string file(const std::string& name) { return folder_->file(name); }
+    static std::string village() { return STRATA_SOURCE_DIR "/sample_data/village.las"; }
+
+    static ProgramResult render(std::vector<std::string> words) {
+        words.insert(words.begin(), {"render", "--overwrite"});
+        if (std::find(words.begin(), words.end(), "--size") == words.end()) words.insert(words.end(), {"--size", "320x200"});
+        return run_strata(words);
+    }
+    // The picture must be the one that is kept, up to the two steps that a GPU's lighting may differ by.
+    static void expect_baseline(const std::string& name, std::vector<std::string> words) {
+        words.insert(words.end(), {"-o", file(name + ".png"), "--reference", STRATA_SOURCE_DIR "/tests/baselines/" + name + ".png", "--threshold", "2"});
+        const ProgramResult result = render(words);
+        EXPECT_EQ(result.exit_code, 0) << result.err;
+        if (result.exit_code == 0) return;
+        // Kept for whoever looks into it, beside the test program.
+        for (const std::string& kept : {name + ".png", name + ".difference.png"})
+            if (fs::exists(file(kept))) fs::copy_file(file(kept), kept, fs::copy_options::overwrite_existing);
+    }
+    static std::vector<float> depths_of(const std::string& name, size_t pixels) {
+        const std::string pfm = bytes_of(file(name));
+        std::vector<float> depths(pixels);
+        EXPECT_GT(pfm.size(), pixels * 4);
+        if (pfm.size() > pixels * 4) std::memcpy(depths.data(), pfm.data() + pfm.size() - pixels * 4, pixels * 4);
+        return depths;
+    }
+
+    static inline TemporaryFolder* folder_ = nullptr;
+};
+
+nlohmann::json stats_of(const ProgramResult& result) {
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return nlohmann::json::parse(result.out);
+}
+
+TEST_F(RenderMesh, PicturesAgreeWithTheBaselines) {
+    expect_baseline("mesh_smooth", {file("scene.obj"), "--samples", "4"});
+    expect_baseline("mesh_wires", {file("scene.obj"), "--mesh", "flat", "--wireframe", "--color", "plain", "--backfaces", "--clip", ",,,,,489.5"});
+    expect_baseline("mesh_and_points", {file("scene.obj"), village(), "--eye", "548050,5327950,500", "--target", "548015,5327985,480", "--ssao"});
+}
+
+TEST_F(RenderMesh, AStatueAgreesWithItsBaseline) {
+    const char* const data = std::getenv("STRATA_DATA");
+    const fs::path mesh = fs::path(data ? data : "") / "ply/lucy.ply";
+    if (!data || !fs::exists(mesh)) GTEST_SKIP() << "STRATA_DATA names no folder with meshes";
+    expect_baseline("mesh_statue", {mesh.string(), "--size", "200x320", "--view", "back"});
+}
+
+TEST_F(RenderMesh, SamePixelsForAnyThreadsAndStrips) {
+    const std::vector<std::string> all = {file("scene.obj"), village(), "--wireframe", "--ssao", "--fill", "--samples", "2", "--clip", "547960,5327940,,548040,5328010,"};
+    const auto drawn = [&](const std::string& name, std::vector<std::string> words) {
+        words.insert(words.end(), all.begin(), all.end());
+        words.insert(words.end(), {"-o", file(name), "--depth", file(name) + ".pfm"});
+        EXPECT_EQ(render(words).exit_code, 0);
+        return bytes_of(file(name)) + bytes_of(file(name) + ".pfm");
+    };
+    const std::string one = drawn("one.png", {"--threads", "1"});
+    EXPECT_EQ(one, drawn("many.png", {"--threads", "5", "--tile", "37"}));
+    EXPECT_EQ(one, drawn("two.png", {"--threads", "2", "--tile", "11"}));
+}
+
+// A map of a level square: its depth, its size and its stats.
+TEST_F(RenderMesh, StatsAndDepthSayWhatIsThere) {
+    TriangleMesh square;
+    square.positions = {{500000, 5000000, 12.5}, {500010, 5000000, 12.5}, {500010, 5000010, 12.5}, {500000, 5000010, 12.5}};
+    square.triangles = {{0, 1, 2}, {0, 2, 3}};
+    write_obj(file("square.obj"), square);
+    const ProgramResult result = render({file("square.obj"), "-o", file("square.png"), "--depth", file("square.pfm"), "--view", "top", "--ortho", "--meters-per-pixel", "0.1",
+                                         "--size", "120x120", "--stats", "--transparent"});
+    const nlohmann::json stats = stats_of(result);
+    EXPECT_EQ(stats["triangles_drawn"], 2);
+    EXPECT_EQ(stats["points_drawn"], 0);
+    EXPECT_EQ(stats["color"], "plain");
+    EXPECT_TRUE(stats["pass_ms"].contains("meshes"));
+    const double eye = stats["camera"]["eye"][2];
+    size_t covered = 0;
+    for (const float depth : depths_of("square.pfm", 120 * 120)) {
+        if (!std::isfinite(depth)) continue;
+        ++covered;
+        EXPECT_NEAR(eye - depth, 12.5, 1e-5);
+    }
+    EXPECT_EQ(covered, 100u * 100u);
+    const Image picture = read_png(file("square.png"));
+    EXPECT_EQ(size_t(std::count_if(picture.pixels.begin(), picture.pixels.end(), [](Rgba8 pixel) { return alpha_of(pixel) == 255; })), covered);
+    // Nothing in sight is said.
+    const ProgramResult away = render({file("square.obj"), "-o", file("away.png"), "--eye", "0,0,0", "--target", "-1,0,0"});
+    EXPECT_EQ(away.exit_code, 0);
+    EXPECT_NE(away.err.find("nothing is in sight"), std::string::npos) << away.err;
+}
+
+// A ball of voxels and the ball that they were made of are one surface: the picture of both shows either where the other one's cells end.
+TEST_F(RenderMesh, MeshesAndTheirVoxelsLieAtOneDepth) {
+    TriangleMesh ball = sphere_mesh(Vec3d(500000, 5000000, 100), 5.0, 40);
+    write_obj(file("ball.obj"), ball);
+    ASSERT_EQ(run_strata({"voxelize", file("ball.obj"), "-o", file("ball.svo"), "--voxel-size", "0.05", "--kind", "conservative", "--quiet"}).exit_code, 0);
+    const std::vector<std::string> view = {"--eye", "500012,5000000,103", "--target", "500000,5000000,100", "--size", "160x120"};
+    const auto depths = [&](const std::string& input, const std::string& name) {
+        std::vector<std::string> words = {file(input), "-o", file("ball.png"), "--depth", file(name)};
+        words.insert(words.end(), view.begin(), view.end());
+        EXPECT_EQ(render(words).exit_code, 0);
+        return depths_of(name, 160 * 120);
+    };
+    const std::vector<float> mesh = depths("ball.obj", "mesh.pfm"), voxels = depths("ball.svo", "voxels.pfm");
+    size_t both = 0;
+    for (size_t i = 0; i < mesh.size(); ++i) {
+        if (std::isfinite(mesh[i])) ASSERT_TRUE(std::isfinite(voxels[i]));  // conservative ones hide the mesh
+        if (!std::isfinite(mesh[i])) continue;
+        ++both;
+        EXPECT_LE(voxels[i], mesh[i] + 1e-4);
+        if (mesh[i] < 8.5) EXPECT_GE(voxels[i], mesh[i] - 0.2);  // two cells as large as a pixel, along rays that are not too flat
+    }
+    EXPECT_GT(both, 3000u);
+}
+
+TEST_F(RenderMesh, WrongWordsAndFilesAreRefused) {
+    const std::string out = file("none.png");
+    std::ofstream(file("points.obj")) << "v 0 0 0\nv 1 0 0\n";
+    std::ofstream(file("broken.obj")) << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 7\n";
+    const struct {
+        std::vector<std::string> words;
+        int exit_code;
+        std::string says;
+    } cases[] = {
+        {{file("scene.obj"), "--mesh", "round"}, 2, "--mesh: expected flat or smooth, got 'round'"},
+        {{file("scene.obj"), "--filter", "class=2"}, 2, "there are none"},
+        {{file("scene.obj"), "--color", "intensity"}, 2, "meshes have no 'intensity'"},
+        {{file("points.obj"), "--color", "rgb"}, 1, "triangles are expected, there are 2 vertices without any"},
+        {{file("broken.obj")}, 1, "broken.obj: line 4: vertex 7"},
+        {{file("scene.obj"), "--memory", "100K"}, 1, "scene.obj: "},
+    };
+    for (const auto& [words, exit_code, says] : cases) {
+        std::vector<std::string> all = words;
+        all.insert(all.end(), {"-o", out});
+        const ProgramResult result = render(all);
+        EXPECT_EQ(result.exit_code, exit_code) << says;
+        EXPECT_NE(result.err.find(says), std::string::npos) << result.err;
+        if (exit_code == 1) EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+        EXPECT_FALSE(fs::exists(out));
+    }
+    // What one of several has is shown of that one.
+    EXPECT_EQ(render({file("scene.obj"), village(), "-o", out, "--color", "intensity"}).exit_code, 0);
+}
+
+}  // namespace
+}  // namespace strata
