@@ -10,7 +10,7 @@ packages_strata=(
     libepoxy-dev libegl-dev libgl1-mesa-dri
 )
 # Building and running the tests: locales-all because a locale test cannot fail without other locales.
-packages_tests=(libgtest-dev libbenchmark-dev libflann-dev liblz4-dev strace locales-all)
+packages_tests=(libgtest-dev libbenchmark-dev libflann-dev liblz4-dev libtinygltf-dev strace locales-all)
 packages_fuzz=(clang-16 libclang-rt-16-dev)
 # Opening our output in viewers that others wrote. Where node comes from elsewhere, it stays.
 packages_interop=(chromium)

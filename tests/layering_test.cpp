@@ -36,6 +36,7 @@ const std::vector<PackageRule> kPackages = {
     {"openvdb/", {"io/vdb/vdb_writer.cpp"}},
     {"nanovdb/", {}},  // benchmarks compare with it
     {"flann/", {}},  // tests judge by it
+    {"tiny_gltf", {}},  // likewise
     {"epoxy/", {"render/"}},
     {"EGL/", {"render/gl/"}},
     {"GL/", {}},  // libepoxy is the one way to GL

@@ -1,0 +1,292 @@
+#include "io/mesh/surface_writer.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <set>
+
+#ifdef STRATA_TINYGLTF
+#define TINYGLTF_NO_STB_IMAGE
+#define TINYGLTF_NO_STB_IMAGE_WRITE
+#define TINYGLTF_NO_INCLUDE_STB_IMAGE
+#define TINYGLTF_NO_INCLUDE_STB_IMAGE_WRITE
+#define TINYGLTF_NO_INCLUDE_JSON
+#include <tiny_gltf.h>
+#endif
+
+#include "core/error.h"
+#include "core/surface/surface_report.h"
+#include "io/mesh/mesh_reader.h"
+#include "tests/support/scan_files.h"
+#include "tests/support/temporary_folder.h"
+
+namespace strata {
+namespace {
+
+using std::numbers::pi;
+
+/// A tube of rings in pieces of a ring each, closed by fans: quads refer to the piece before, a fan to the first one.
+struct Tube {
+    Vec3d at = Vec3d::Zero();
+    double size = 1.0;
+    uint32_t around = 12, rings = 9;
+    bool one_origin = true;
+
+    struct Piece {
+        Vec3d origin;
+        std::vector<Vec3f> positions, normals;
+        std::vector<std::array<uint8_t, 4>> colors;
+        std::vector<std::array<uint32_t, 3>> triangles;
+        std::vector<std::array<uint32_t, 4>> quads;
+    };
+    std::vector<Piece> pieces() const {
+        std::vector<Piece> all(rings + 1);
+        for (uint32_t ring = 0; ring < rings; ++ring) {
+            Piece& piece = all[ring];
+            piece.origin = at + (one_origin ? Vec3d::Zero().eval() : Vec3d(0, 0, size * ring));
+            for (uint32_t i = 0; i < around; ++i) {
+                const double angle = 2 * pi * i / around;
+                piece.positions.emplace_back(float(size * std::cos(angle)), float(size * std::sin(angle)), one_origin ? float(size * ring) : 0.0f);
+                piece.normals.emplace_back(float(std::cos(angle)), float(std::sin(angle)), 0.0f);
+                piece.colors.push_back({uint8_t(ring * 20), uint8_t(i * 3), uint8_t(255 - ring), 255});
+                const auto vertex = [&](uint32_t row, uint32_t column) { return row * around + column % around; };
+                if (ring > 0) piece.quads.push_back({vertex(ring - 1, i), vertex(ring - 1, i + 1), vertex(ring, i + 1), vertex(ring, i)});
+            }
+        }
+        Piece& ends = all.back();
+        ends.origin = at;
+        ends.positions = {{0, 0, 0}, {0, 0, float(size * (rings - 1))}};
+        ends.normals = {{0, 0, -1}, {0, 0, 0}};
+        ends.colors = {{0, 0, 0, 255}, {255, 255, 255, 255}};
+        for (uint32_t i = 0; i < around; ++i) {
+            ends.triangles.push_back({around * rings, (i + 1) % around, i});
+            ends.triangles.push_back({around * rings + 1, around * (rings - 1) + i, around * (rings - 1) + (i + 1) % around});
+        }
+        return all;
+    }
+    uint64_t vertices() const { return uint64_t{around} * rings + 2; }
+    uint64_t quads() const { return uint64_t{around} * (rings - 1); }
+    uint64_t triangles() const { return 2 * uint64_t{around} + 2 * quads(); }  // with split quads
+    double edge() const { return size * 2 * std::sin(pi / around); }
+    Box3d bounds() const { return {.min = at - Vec3d(size, size, 0), .max = at + Vec3d(size, size, size * rings)}; }
+};
+
+/// What is written of a tube, and what a file says of itself.
+std::vector<std::string> write(const std::string& path, const Tube& tube, bool attributes) {
+    MeasuredSurface measured(nullptr, nullptr, 0);
+    const auto writer = make_surface_writer(path, {.overwrite = true, .normals = attributes, .colors = attributes, .bounds = tube.bounds(), .edge = tube.edge(),
+                                                   .scratch_folder = std::filesystem::path(path).parent_path(), .positions = &measured.positions()});
+    measured.set_next(writer.get());
+    for (const Tube::Piece& piece : tube.pieces()) {
+        SurfacePiece one = {.origin = piece.origin, .positions = piece.positions, .triangles = piece.triangles, .quads = piece.quads};
+        if (attributes) one.normals = piece.normals, one.colors = piece.colors;
+        measured.add(one);
+    }
+    const uint64_t bytes = writer->commit(Durability::unsynced);
+    EXPECT_EQ(bytes, std::filesystem::file_size(path));
+    return writer->notes();
+}
+
+Vec3d vertex_of(const std::vector<Tube::Piece>& pieces, const Tube& tube, uint32_t vertex) {
+    const Tube::Piece& piece = pieces[vertex / tube.around];
+    return piece.origin + piece.positions[vertex % tube.around].cast<double>();
+}
+
+// Far from 0, as maps are, and in pieces with origins of their own.
+Tube far_tube() { return {.at = Vec3d(500'000.25, 5'300'000.5, 312.125), .size = 0.01, .one_origin = false}; }
+
+class SurfaceFile : public testing::TestWithParam<const char*> {
+protected:
+    const TemporaryFolder folder_;
+    const std::string path_ = folder_.file(std::string("out") + GetParam());
+    const bool is_stl_ = std::string(GetParam()) == ".stl";
+};
+
+TEST_P(SurfaceFile, IsReadBackAsItWas) {
+    for (const bool attributes : {false, true}) {
+        const Tube tube;
+        const std::vector<std::string> notes = write(path_, tube, attributes);
+        EXPECT_EQ(notes.size(), is_stl_ && attributes ? 1u : 0u);
+        MeshReport said;
+        const TriangleMesh mesh = read_mesh(path_, {}, &said);
+        EXPECT_TRUE(said.notes.empty());
+        ASSERT_EQ(mesh.positions.size(), tube.vertices());
+        ASSERT_EQ(mesh.triangles.size(), tube.triangles());
+        EXPECT_EQ(said.faces, is_stl_ ? tube.triangles() : 2 * tube.around + tube.quads()) << "quads stay quads";
+        const SurfaceReport report = measure_surface(mesh);
+        EXPECT_TRUE(report.is_closed());
+        EXPECT_EQ(report.euler_characteristic, 2);
+        EXPECT_GT(report.volume, 0.0);
+        EXPECT_EQ(mesh.normals.empty(), !attributes || is_stl_);
+        EXPECT_EQ(mesh.colors.empty(), !attributes || is_stl_);
+        if (is_stl_) continue;
+        const std::vector<Tube::Piece> pieces = tube.pieces();
+        for (uint32_t i = 0; i < tube.vertices(); ++i) {
+            EXPECT_LT((mesh.positions[i] - vertex_of(pieces, tube, i)).norm(), 1e-5 * tube.edge()) << i;
+            if (!attributes) continue;
+            EXPECT_LT((mesh.normals[i] - pieces[i / tube.around].normals[i % tube.around]).norm(), 2e-5) << i;
+            EXPECT_EQ(mesh.colors[i], pieces[i / tube.around].colors[i % tube.around]) << i;
+        }
+    }
+}
+
+// A tube of a centimetre at a northing of 5,300 km, where floats are half a metre apart.
+TEST_P(SurfaceFile, KeepsCoordinatesOfMapsOrSaysWhatIsLost) {
+    const Tube tube = far_tube();
+    const std::vector<std::string> notes = write(path_, tube, false);
+    const TriangleMesh mesh = read_mesh(path_);
+    if (is_stl_) {
+        ASSERT_EQ(notes.size(), 1u);
+        EXPECT_NE(notes[0].find("up to 0.32 units are lost"), std::string::npos) << notes[0];  // 5.3e6 / 2^24
+        return;
+    }
+    const std::vector<Tube::Piece> pieces = tube.pieces();
+    ASSERT_EQ(mesh.positions.size(), tube.vertices());
+    for (uint32_t i = 0; i < tube.vertices(); ++i) EXPECT_LT((mesh.positions[i] - vertex_of(pieces, tube, i)).norm(), 1e-5 * tube.edge()) << i;
+    EXPECT_NEAR(measure_surface(mesh).volume, 0.01 * 0.01 * 0.01 * 8 * 6 * std::sin(pi / 6), 1e-5 * 3e-6);
+}
+
+TEST_P(SurfaceFile, MayBeEmpty) {
+    VertexPositions positions(nullptr, 0);
+    const auto writer = make_surface_writer(path_, {.normals = true, .scratch_folder = folder_.path(), .positions = &positions});
+    const uint64_t bytes = writer->commit(Durability::synced);
+    EXPECT_EQ(bytes, std::filesystem::file_size(path_));
+    const TriangleMesh mesh = read_mesh(path_);
+    EXPECT_TRUE(mesh.positions.empty());
+    EXPECT_TRUE(mesh.triangles.empty());
+}
+
+TEST_P(SurfaceFile, IsWholeOrAbsent) {
+    {
+        VertexPositions positions(nullptr, 0);
+        const auto writer = make_surface_writer(path_, {.scratch_folder = folder_.path(), .positions = &positions});
+        writer->add({});
+    }
+    EXPECT_TRUE(std::filesystem::is_empty(folder_.path())) << "without commit() nothing stays";
+    write(path_, Tube(), false);
+    VertexPositions positions(nullptr, 0);
+    EXPECT_THROW(make_surface_writer(path_, {.scratch_folder = folder_.path(), .positions = &positions}), Error) << "it exists";
+}
+
+INSTANTIATE_TEST_SUITE_P(Formats, SurfaceFile, testing::Values(".ply", ".obj", ".stl"), [](const auto& at) { return std::string(at.param).substr(1); });
+
+TEST(SurfaceNames, EndingsInAnyCaseTellTheFormat) {
+    for (const char* const name : {"a.ply", "b.OBJ", "c.Stl", "d.e.glb"}) EXPECT_TRUE(is_surface_name(name)) << name;
+    for (const char* const name : {"a", "ply", "a.gltf", ".glb"}) EXPECT_FALSE(is_surface_name(name)) << name;
+    EXPECT_THROW(make_surface_writer("a.dae", {}), Error);
+}
+
+// The numbers that a float cannot hold take doubles, others do not.
+TEST(PlyWriter, TakesDoublesWhereFloatsLoseThem) {
+    const TemporaryFolder folder;
+    write(folder.file("near.ply"), Tube(), false);
+    EXPECT_NE(test::file_contents(folder.file("near.ply")).find("property float x"), std::string::npos);
+    write(folder.file("far.ply"), far_tube(), false);
+    EXPECT_NE(test::file_contents(folder.file("far.ply")).find("property double x"), std::string::npos);
+}
+
+// Section 4.4 of glTF 2.0, by hand.
+TEST(GlbWriter, IsOneFileOfTwoChunks) {
+    const TemporaryFolder folder;
+    const Tube tube = far_tube();
+    write(folder.file("out.glb"), tube, true);
+    const std::string file = test::file_contents(folder.file("out.glb"));
+    const auto word = [&](size_t at) {
+        uint32_t value;
+        std::memcpy(&value, file.data() + at, 4);
+        return value;
+    };
+    EXPECT_EQ(file.substr(0, 4), "glTF");
+    EXPECT_EQ(word(4), 2u);
+    EXPECT_EQ(word(8), file.size());
+    EXPECT_EQ(file.substr(16, 4), "JSON");
+    const uint32_t json_bytes = word(12);
+    EXPECT_EQ(json_bytes % 4, 0u);
+    const nlohmann::json document = nlohmann::json::parse(file.substr(20, json_bytes));
+    const size_t binary = 20 + json_bytes;
+    EXPECT_EQ(file.substr(binary + 4, 4), std::string("BIN\0", 4));
+    EXPECT_EQ(word(binary) + binary + 8, file.size());
+    EXPECT_EQ(document["buffers"][0]["byteLength"], word(binary));
+    EXPECT_EQ(document["accessors"][0]["count"], tube.vertices());
+    // The node stands where the first piece does, z turned to y.
+    EXPECT_EQ(document["nodes"][0]["translation"], nlohmann::json({500'000.25, 312.125, -5'300'000.5}));
+    VertexPositions none(nullptr, 0);
+    make_surface_writer(folder.file("empty.glb"), {.scratch_folder = folder.path()})->commit(Durability::unsynced);
+    const std::string empty = test::file_contents(folder.file("empty.glb"));
+    uint32_t size;
+    std::memcpy(&size, empty.data() + 8, 4);
+    EXPECT_EQ(size, empty.size());
+    EXPECT_EQ(nlohmann::json::parse(empty.substr(20)).count("meshes"), 0u);
+}
+
+// Another program's reader finds the same surface, by way of the node's rotation and translation.
+TEST(GlbWriter, IsReadByTinygltf) {
+#ifdef STRATA_TINYGLTF
+    const TemporaryFolder folder;
+    for (const Tube& tube : {Tube(), far_tube()}) {
+        write(folder.file("out.glb"), tube, true);
+        tinygltf::Model model;
+        tinygltf::TinyGLTF loader;
+        std::string problem, warning;
+        ASSERT_TRUE(loader.LoadBinaryFromFile(&model, &problem, &warning, folder.file("out.glb"))) << problem;
+        EXPECT_EQ(problem + warning, "");
+        ASSERT_EQ(model.meshes.size(), 1u);
+        const tinygltf::Primitive& primitive = model.meshes[0].primitives[0];
+        EXPECT_EQ(primitive.mode, TINYGLTF_MODE_TRIANGLES);
+        const auto at = [&](int accessor_number, size_t i) {
+            const tinygltf::Accessor& accessor = model.accessors[size_t(accessor_number)];
+            const tinygltf::BufferView& view = model.bufferViews[size_t(accessor.bufferView)];
+            return model.buffers[0].data.data() + view.byteOffset + accessor.byteOffset + i * size_t(accessor.ByteStride(view));
+        };
+        const auto vector_at = [&](int accessor, size_t i) {
+            std::array<float, 3> parts;
+            std::memcpy(parts.data(), at(accessor, i), sizeof parts);
+            return Vec3f(parts[0], parts[1], parts[2]);
+        };
+        const tinygltf::Node& node = model.nodes[size_t(model.scenes[0].nodes[0])];
+        const Eigen::Quaterniond turn(node.rotation[3], node.rotation[0], node.rotation[1], node.rotation[2]);
+        const Vec3d shift(node.translation[0], node.translation[1], node.translation[2]);
+        const int positions = primitive.attributes.at("POSITION"), normals = primitive.attributes.at("NORMAL"), colors = primitive.attributes.at("COLOR_0");
+        ASSERT_EQ(model.accessors[size_t(positions)].count, tube.vertices());
+        const std::vector<Tube::Piece> pieces = tube.pieces();
+        const tinygltf::Accessor& limits = model.accessors[size_t(positions)];
+        for (uint32_t i = 0; i < tube.vertices(); ++i) {
+            const Vec3f position = vector_at(positions, i);
+            for (int axis = 0; axis < 3; ++axis) {
+                EXPECT_GE(position[axis], limits.minValues[size_t(axis)]);
+                EXPECT_LE(position[axis], limits.maxValues[size_t(axis)]);
+            }
+            const Vec3d there = turn * position.cast<double>() + shift;  // y is up
+            const Vec3d here(there.x(), -there.z(), there.y());
+            EXPECT_LT((here - vertex_of(pieces, tube, i)).norm(), 1e-5 * tube.edge()) << i;
+            EXPECT_NEAR(vector_at(normals, i).norm(), 1.0f, 1e-6f);
+            std::array<uint16_t, 4> color;
+            std::memcpy(color.data(), at(colors, i), sizeof color);
+            const auto& stored = pieces[i / tube.around].colors[i % tube.around];
+            for (size_t k = 0; k < 3; ++k) {
+                const double linear = color[k] / 65535.0, srgb = linear <= 0.0031308 ? 12.92 * linear : 1.055 * std::pow(linear, 1 / 2.4) - 0.055;
+                EXPECT_EQ(std::lround(255 * srgb), stored[k]) << i;
+            }
+        }
+        TriangleMesh mesh;
+        for (uint32_t i = 0; i < tube.vertices(); ++i) mesh.positions.push_back(vector_at(positions, i).cast<double>());
+        ASSERT_EQ(model.accessors[size_t(primitive.indices)].count, 3 * tube.triangles());
+        for (size_t i = 0; i < tube.triangles(); ++i) {
+            mesh.triangles.emplace_back();
+            std::memcpy(mesh.triangles.back().data(), at(primitive.indices, 3 * i), 12);
+        }
+        EXPECT_TRUE(measure_surface(mesh).is_closed());
+        EXPECT_GT(measure_surface(mesh).volume, 0.0);
+    }
+#else
+    GTEST_SKIP() << "tinygltf was not found when this was built";
+#endif
+}
+
+}  // namespace
+}  // namespace strata
