@@ -29,7 +29,7 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr OptionRow kRows[] = {
-    {"--exact", "-x", "", "", "read every point: true bounds and ranges, counts by return and class; says where the header lies. An LOD set's hierarchy is always validated, with --exact each point too"},
+    {"--exact", "-x", "", "", "read every point: true bounds and ranges, counts by return and class; says where the header lies. An LOD set's hierarchy is always validated, with --exact each point too. Of a mesh: what its surface is like"},
     {"--quality", "", "", "", "of an LOD set: how evenly each level is sampled"},
     shared_option::kJson,
     shared_option::kThreads,
@@ -166,7 +166,7 @@ int run(const Options& options) {
     if (options.given("--quality") && format.kind != FormatKind::layered && format.kind != FormatKind::not_readable)
         throw Error(ErrorKind::usage, "--quality: a level-of-detail data set is expected, " + path + " is " + std::string(format.name));
     const ordered_json report = format.kind == FormatKind::layered ? layered_report(path, format, options)
-                                : format.kind == FormatKind::mesh  ? mesh_report(path, format, memory_cap(options))
+                                : format.kind == FormatKind::mesh  ? mesh_report(path, format, options.given("--exact"), memory_cap(options))
                                 : format.kind == FormatKind::grids ? vdb_report(path, format)
                                 : format.kind == FormatKind::volume ? volume_report(path, format)
                                 : format.kind == FormatKind::voxels ? voxel_report(path, format, options.given("--exact"), memory_cap(options), thread_count(options))

@@ -3,13 +3,15 @@
 #include <nlohmann/json.hpp>
 
 #include "app/commands/info_json.h"
+#include "core/error.h"
+#include "core/surface/surface_report.h"
 #include "io/mesh/mesh_reader.h"
 
 namespace strata {
 
 using nlohmann::ordered_json;
 
-ordered_json mesh_report(const std::string& path, const Format& format, uint64_t memory_bytes) {
+ordered_json mesh_report(const std::string& path, const Format& format, bool exact, uint64_t memory_bytes) {
     MeshReport said;
     const TriangleMesh mesh = read_mesh(path, {.most_bytes = memory_bytes}, &said);
     ordered_json report = {{"path", path}, {"format", format.name}, {"detail", said.format}, {"vertices", mesh.positions.size()},
@@ -20,6 +22,14 @@ ordered_json mesh_report(const std::string& path, const Format& format, uint64_t
     };
     if (!mesh.normals.empty()) add("normal", "float", 3);
     if (!mesh.colors.empty()) add("color", "uint8", 4);
+    if (exact) {
+        // All edges are kept, three for two triangles: a table of twice to four times as many slots of 9 bytes, and the one before while it grows.
+        const uint64_t needed = mesh.size_bytes() + mesh.triangles.size() * 3 / 2 * 4 * 9 * 3 / 2 + mesh.positions.size() * 5;
+        if (needed > memory_bytes)
+            throw Error(ErrorKind::limit, path + ": its surface needs about " + std::to_string(needed) + " bytes of memory to be measured, " + std::to_string(memory_bytes) + " are allowed");
+        const SurfaceReport surface = measure_surface(mesh);
+        add_surface(surface, surface.is_closed(), report);
+    }
     if (!said.notes.empty()) report["notes"] = said.notes;
     return report;
 }

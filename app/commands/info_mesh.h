@@ -9,6 +9,7 @@
 namespace strata {
 
 /// What `strata info` says of a mesh: its headers say little or nothing, so all of it is read.
-nlohmann::ordered_json mesh_report(const std::string& path, const Format& format, uint64_t memory_bytes);
+/// exact  also what its surface is like
+nlohmann::ordered_json mesh_report(const std::string& path, const Format& format, bool exact, uint64_t memory_bytes);
 
 }  // namespace strata

@@ -197,6 +197,20 @@ void voxel_rows(const ordered_json& report, Block& block) {
     }
 }
 
+// What the surface of a mesh is like.
+void surface_rows(const ordered_json& report, Block& block) {
+    if (!report.contains("euler_characteristic")) return;
+    const auto count = [&](const char* key) { return report[key].get<uint64_t>(); };
+    block.row("surface", with_commas(count("components")) + (count("components") == 1 ? " component" : " components") + ", Euler characteristic " + number_text(report["euler_characteristic"]));
+    std::string edges = count("boundary_edges") == 0 ? "closed" : with_commas(count("boundary_edges")) + " boundary edges";
+    if (count("nonmanifold_edges") > 0) edges += ", " + with_commas(count("nonmanifold_edges")) + " edges of more than two faces";
+    if (count("flipped_edges") > 0) edges += ", " + with_commas(count("flipped_edges")) + " edges whose faces turn opposite ways";
+    block.row("surface", edges);
+    if (count("degenerate_faces") > 0) block.row("surface", with_commas(count("degenerate_faces")) + " faces with a vertex twice");
+    block.row("area", number_text(report["area"]));
+    if (!report["volume"].is_null()) block.row("volume", number_text(report["volume"]));
+}
+
 // Samples on a dense grid, and how they lie.
 void volume_rows(const ordered_json& report, Block& block) {
     if (!report.contains("dimensions")) return;
@@ -237,6 +251,7 @@ std::string info_text(const std::string& report_json) {
     vector_row(report, "offset", block);
     if (!text_of(report, "crs").empty()) block.row("crs", crs_text(report));
     if (report.contains("grids")) grid_rows(report["grids"], block);
+    surface_rows(report, block);
     volume_rows(report, block);
     layer_rows(report, block);
     voxel_rows(report, block);

@@ -83,6 +83,7 @@ void EdgeTable::count(SurfaceReport& report) const {
         const int up = times_up(slots_.states[slot]), down = times_down(slots_.states[slot]);
         report.boundary_edges += up + down == 1;
         report.nonmanifold_edges += up + down > 2;
+        report.open_edges += up != down;
         report.flipped_edges += up + down == 2 && up != down;
     }
 }

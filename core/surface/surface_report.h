@@ -22,12 +22,15 @@ struct SurfaceReport {
     uint64_t boundary_edges = 0;    // with one face
     uint64_t nonmanifold_edges = 0; // with more than two
     uint64_t flipped_edges = 0;     // with two that turn opposite ways
+    uint64_t open_edges = 0;        // that are not used as often one way as the other
     int64_t euler_characteristic = 0;
     double area = 0.0;
     double volume = 0.0;            // enclosed, where is_closed(); negative: inside out
     Box3d bounds;                   // of vertices that faces have
 
-    bool is_closed() const { return boundary_edges == 0 && nonmanifold_edges == 0 && flipped_edges == 0; }
+    /// Encloses a volume; cubes that touch along an edge do, although four faces have it.
+    bool is_closed() const { return open_edges == 0; }
+    bool is_manifold() const { return open_edges == 0 && nonmanifold_edges == 0; }
 };
 
 /// How often each edge was met, and in which direction. Edges with two faces that agree are forgotten after a while.

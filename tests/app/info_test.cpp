@@ -179,6 +179,32 @@ TEST_F(InfoCommand, MeshesHaveVerticesAndTriangles) {
     EXPECT_EQ(obj["faces"], 2);
 }
 
+// A tetrahedron with edges of 1, 2 and 3 along the axes, then without one of its faces.
+TEST_F(InfoCommand, ExactMeasuresSurfacesOfMeshes) {
+    const std::string path = folder_.file("mesh.obj"), text = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\n";
+    std::ofstream(path) << text << "f 2 3 4\n";
+    const json closed = json::parse(run_strata({"info", "--exact", "--json", path}).out);
+    EXPECT_EQ(closed["components"], 1);
+    EXPECT_EQ(closed["boundary_edges"], 0);
+    EXPECT_EQ(closed["euler_characteristic"], 2);
+    EXPECT_DOUBLE_EQ(closed["volume"], 1.0);
+    EXPECT_DOUBLE_EQ(closed["area"], 0.5 * (2 + 3 + 6 + 7));  // the last is |(-1, 2, 0) x (-1, 0, 3)| = |(6, 3, 2)|
+    EXPECT_NE(run_strata({"info", "--exact", path}).out.find("1 component, Euler characteristic 2\n                closed\n"), std::string::npos);
+    std::ofstream(path) << text;
+    const json open = json::parse(run_strata({"info", "--exact", "--json", path}).out);
+    EXPECT_EQ(open["boundary_edges"], 3);
+    EXPECT_TRUE(open["volume"].is_null());
+    // 40 x 40 vertices: 200 kB to be read, and edges beside that to be measured.
+    std::ofstream grid(path);
+    for (int i = 0; i < 1600; ++i) grid << "v " << i % 40 << ' ' << i / 40 << " 0\n";
+    for (int i = 1; i < 1560; ++i) grid << "f " << i << ' ' << i + 1 << ' ' << i + 41 << "\nf " << i << ' ' << i + 41 << ' ' << i + 40 << '\n';
+    grid.close();
+    EXPECT_EQ(run_strata({"info", "--memory", "250000", path}).exit_code, 0);
+    const ProgramResult capped = run_strata({"info", "--exact", "--memory", "250000", path});
+    EXPECT_EQ(capped.exit_code, 1);
+    EXPECT_NE(capped.err.find("to be measured"), std::string::npos) << capped.err;
+}
+
 TEST_F(InfoCommand, GridsOfVdbFilesAreListed) {
     if (!has_openvdb()) GTEST_SKIP() << "this build has no OpenVDB to write a file with";
     const std::string path = folder_.file("a.vdb");

@@ -68,7 +68,7 @@ TEST(SurfaceReport, Tetrahedron) {
     EXPECT_EQ(report.edges, 6u);
     EXPECT_EQ(report.components, 1u);
     EXPECT_EQ(report.euler_characteristic, 2);
-    EXPECT_TRUE(report.is_closed());
+    EXPECT_TRUE(report.is_manifold());
     EXPECT_DOUBLE_EQ(report.volume, 2 * 3 * 4 / 6.0);
     // Half of |(2, 0, 0) x (0, 3, 0)| and so on; the last is spanned by (-2, 3, 0) and (-2, 0, 4), with the normal (12, 8, 6).
     EXPECT_DOUBLE_EQ(report.area, 3 + 4 + 6 + 0.5 * std::sqrt(144.0 + 64 + 36));
@@ -143,6 +143,7 @@ TEST(SurfaceReport, WhatIsNoManifold) {
     book.positions = {{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}};
     book.triangles = {{0, 1, 2}, {1, 0, 3}, {0, 1, 4}, {0, 0, 1}};
     const SurfaceReport leaves = measure_surface(book);
+    EXPECT_FALSE(leaves.is_closed());
     EXPECT_EQ(leaves.nonmanifold_edges, 1u);
     EXPECT_EQ(leaves.boundary_edges, 6u);
     EXPECT_EQ(leaves.degenerate_faces, 1u);
@@ -154,6 +155,18 @@ TEST(SurfaceReport, WhatIsNoManifold) {
     EXPECT_EQ(joined.components, 1u);
     EXPECT_EQ(joined.euler_characteristic, 3);
     EXPECT_TRUE(joined.is_closed());
+    // Two boxes that touch along an edge: four faces have it, as many one way as the other.
+    TriangleMesh boxes = box_mesh({0.5, 0.5, 0.5}, {0.5, 0.5, 0.5});
+    append(boxes, box_mesh({1.5, 1.5, 0.5}, {0.5, 0.5, 0.5}));
+    for (auto& triangle : boxes.triangles)
+        for (uint32_t& vertex : triangle)
+            vertex = uint32_t(std::find(boxes.positions.begin(), boxes.positions.end(), boxes.positions[vertex]) - boxes.positions.begin());
+    const SurfaceReport touching = measure_surface(boxes);
+    EXPECT_EQ(touching.nonmanifold_edges, 1u);
+    EXPECT_TRUE(touching.is_closed());
+    EXPECT_FALSE(touching.is_manifold());
+    EXPECT_DOUBLE_EQ(touching.volume, 2.0);
+    EXPECT_EQ(touching.unused_vertices, 2u);
 }
 
 // A closed surface stays closed when faces at random corners are cut; what holds of it does, too.
