@@ -52,14 +52,20 @@ struct FieldBrickLayer {
     std::vector<float> values;                    // [corners * 512] i runs fastest, then j. NaN: no value
 };
 
-/// Scalars on an endless grid of which only some bricks are stored, layer after layer from the least k upwards. A sample in no brick has
-/// the background's value. A constant region of another value is given as bricks wherever it touches samples of another value, so that a
-/// surface passes only through cells with a sample in a brick.
+/// Scalars on an endless grid of which only some bricks are stored, layer after layer from the least k upwards. A brick that is not given is
+/// constant, of the background's value or of that of a constant region, such as the inside of a level set. Of two bricks that touch, if
+/// only at a corner, and have different values, one is given: a surface passes only through cells with a sample in a brick that is given.
 class FieldBrickSource {
 public:
     virtual ~FieldBrickSource() = default;
     virtual const GridPlacement& placement() const = 0;
     virtual float background() const = 0;
+    /// The value of a brick that is not given, and lies next to one that is.
+    /// corner  i, j and k of its least sample; multiples of 8
+    virtual float absent_value(const std::array<int32_t, 3>& corner) const {
+        (void)corner;
+        return background();
+    }
     /// The next layer that has bricks; false: there is none.
     /// throws  Error, naming the file and the place
     virtual bool next_layer(FieldBrickLayer& out) = 0;
