@@ -22,16 +22,30 @@ constexpr uint64_t layer_mask(CubeDirection towards, int digits) {
     return mask;
 }
 
+// Of the indices of a mask's bits: those with bit `high` clear and bit `low` set.
+constexpr uint64_t indices_with(int high, int low) {
+    uint64_t mask = 0;
+    for (int bit = 0; bit < 64; ++bit)
+        if ((bit >> high & 1) == 0 && (bit >> low & 1) == 1) mask |= uint64_t{1} << bit;
+    return mask;
+}
+
 // Exchanges two bits of the indices of a mask's bits.
 template <int kHigh, int kLow>
 constexpr uint64_t swap_index_bits(uint64_t mask) {
     constexpr int kShift = (1 << kHigh) - (1 << kLow);
-    uint64_t moving = 0;
-    for (int bit = 0; bit < 64; ++bit)
-        if ((bit >> kHigh & 1) == 0 && (bit >> kLow & 1) == 1) moving |= uint64_t{1} << bit;
-    const uint64_t change = (mask ^ mask >> kShift) & moving;
+    constexpr uint64_t kMoving = indices_with(kHigh, kLow);
+    const uint64_t change = (mask ^ mask >> kShift) & kMoving;
     return mask ^ change ^ change << kShift;
 }
+
+// Coordinates of the cells of a mask.
+constexpr auto kCells = [] {
+    std::array<std::array<uint8_t, 3>, 64> cells{};
+    for (size_t bit = 0; bit < 64; ++bit)
+        for (size_t axis = 0; axis < 3; ++axis) cells[bit][axis] = uint8_t(coordinates_of_code(bit)[axis]);
+    return cells;
+}();
 
 // A mask of 4^3 cells with y as the highest two bits of indices, then x, then z.
 constexpr uint64_t columns_of_mask(uint64_t mask) { return swap_index_bits<4, 3>(swap_index_bits<3, 1>(swap_index_bits<5, 4>(mask))); }
@@ -94,9 +108,9 @@ private:
         const uint64_t next_mask = log2_side == 7 ? mask_of_digits(byte_mask) : mask;
         for (uint64_t bits = nodes.masks[node] & mask; bits != 0; bits &= bits - 1) {
             const int bit = std::countr_zero(bits);
-            const auto [cx, cy, cz] = coordinates_of_code(uint64_t(bit));
+            const auto [cx, cy, cz] = kCells[size_t(bit)];
             const int child_side = log2_side - 2;
-            const auto first = [&](int from, uint32_t coordinate) { return (from + int(coordinate << child_side)) & (kSide - 1); };
+            const auto first = [&](int from, int coordinate) { return (from + (coordinate << child_side)) & (kSide - 1); };
             if ((full >> bit & 1) != 0) cube(first(x, cx), first(y, cy), first(z, cz), 1 << child_side);
             else
                 descend(level + 1, nodes.child(node, bit), next_mask, byte_mask, child_side, first(x, cx), first(y, cy), first(z, cz),
@@ -127,7 +141,7 @@ private:
     void visit_materials(int level, uint32_t node, uint64_t bits, bool octants, const Visit& visit) const {
         for (; bits != 0; bits &= bits - 1) {
             const int bit = std::countr_zero(bits);
-            const auto [x, y, z] = coordinates_of_code(uint64_t(bit));
+            const auto [x, y, z] = kCells[size_t(bit)];
             visit(int(x), int(y), int(z), material(level, node, bit, octants));
         }
     }
