@@ -215,6 +215,14 @@ public:
 
     int levels() const { return levels_; }
 
+    /// Back to a node of which no cell above may stop this ray: the path may be another's.
+    /// t  of the event by which the ray comes to the path's voxel
+    void restart(const RayWalk& walk, double t, NodePath& path) const {
+        if (!pixels_stop_) return;
+        const double small_side = walk.spread * t + walk.footprint;
+        while (path.level > 0 && double(uint32_t{1} << 2 * (levels_ - path.level)) <= small_side) --path.level;
+    }
+
     /// Goes down from the path's node to the smallest cell that is known at its voxel.
     /// t  of the event by which the ray came to the voxel
     /// returns  s where the ray may skip the empty cell of side 2^s, -1 where it is stopped: `hit`
@@ -281,6 +289,7 @@ template <class Look>
 bool walk_to_hit(const Look& look, const RayWalk& walk, const WalkStart& start, NodePath& path, VoxelHit& hit) {
     path.turn_to(look.levels(), start.voxel);
     double t = start.event.t;
+    look.restart(walk, t, path);
     for (;;) {
         const int shift = look.look(walk, t, path, hit);
         if (shift < 0) return true;

@@ -167,6 +167,29 @@ TEST(VoxelRays, AreThoseOfTheCamera) {
         }
 }
 
+// Rays of a picture are cast in groups, which must not show: where cells of many pixels may stop them, the way to a cell of
+// one ray's neighbor can begin below a cell that stops this one.
+TEST(VoxelsPass, CoarseCellsAreThoseOfEachRayByItself) {
+    Random random(9);
+    const VoxelTree tree = tree_of(random_boxes(3, 40, 5));
+    size_t covered = 0;
+    for (int round = 0; round < 30; ++round) {
+        const Camera camera = random_camera(random, round % 2 == 0 ? Projection::orthographic : Projection::perspective, 64, false);
+        const VoxelRays rays(camera, tree.frame, kWidth, kHeight, Vec2f::Zero());
+        const double error_px = std::exp2(1 + round % 5);
+        const RayLimits limits = {.least_t = rays.near_depth(), .spread = error_px * rays.spread(), .footprint = error_px * rays.footprint()};
+        std::vector<VoxelHit> hits(size_t{kWidth} * kHeight);
+        cast_tile(tree, rays.picture(), limits, hits);
+        for (uint32_t y = 0; y < kHeight; ++y)
+            for (uint32_t x = 0; x < kWidth; ++x) {
+                const VoxelHit alone = cast_ray(tree, rays.picture().ray(int(x), int(y)), limits).value_or(VoxelHit{});
+                ASSERT_EQ(hits[y * kWidth + x], alone) << round << ' ' << x << ' ' << y;
+                covered += alone.depth > 0;
+            }
+    }
+    EXPECT_GT(covered, 30'000u);
+}
+
 // Cells stop at the first size that looks no larger than error_px, and only voxels may look larger.
 TEST(VoxelsPass, CellsAreAsLargeAsTheErrorAllows) {
     Random random(3);
