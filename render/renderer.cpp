@@ -16,6 +16,7 @@
 #include "render/pass/mesh_pass.h"
 #include "render/pass/points_kernel.h"
 #include "render/pass/ssao_pass.h"
+#include "render/pass/voxels_gl_pass.h"
 #include "render/pass/voxels_pass.h"
 #include "render/sample_sums.h"
 #include "render/stream/node_loader.h"
@@ -164,8 +165,9 @@ struct Renderer::Frame {
     const RenderSettings& settings;
     RenderReport& report;
     Stopwatch& watch;
-    PointsGlPass* gpu = nullptr;  // none: the CPU rasterizes
-    uint64_t gpu_bytes = 0;       // most that points take of its memory
+    PointsGlPass* gpu_points = nullptr;  // none: the CPU draws them
+    VoxelsGlPass* gpu_voxels = nullptr;
+    uint64_t gpu_bytes = 0;  // most that points take of its memory, and as much that voxels do
     std::vector<bool> meshes_seen = {};
 };
 
@@ -183,6 +185,13 @@ struct Renderer::ChosenPoints {
     double loaded_ms = 0.0;  // since the frame began, when all was loaded
 };
 
+// A rasterizer, made when a frame first needs it.
+template <class Pass>
+struct Renderer::GlPass {
+    std::optional<Pass> pass;
+    bool refused = false;  // by the driver
+};
+
 // Passes are made when a frame first needs them.
 struct Renderer::Gl {
     explicit Gl(int threads) : context(threads), software(context.is_software()) {}
@@ -195,15 +204,14 @@ struct Renderer::Gl {
         }
     }
 
-    PointsGlPass& points_pass() { return points ? *points : points.emplace(context); }
     EdlPass& edl_pass() { return edl ? *edl : edl.emplace(context); }
     FillPass& fill_pass() { return fill ? *fill : fill.emplace(context); }
     SsaoPass& ssao_pass() { return ssao ? *ssao : ssao.emplace(context); }
 
     EglContext context;
     bool software;
-    bool points_refused = false;  // by the driver
-    std::optional<PointsGlPass> points;
+    GlPass<PointsGlPass> points;
+    GlPass<VoxelsGlPass> voxels;
     std::optional<EdlPass> edl;
     std::optional<FillPass> fill;
     std::optional<SsaoPass> ssao;
@@ -224,9 +232,15 @@ Renderer::~Renderer() = default;
 
 void Renderer::forget_cloud() {
     resident_.reset();
-    if (!gl_ || !gl_->points) return;
+    if (!gl_ || !gl_->points.pass) return;
     gl_->context.make_current();
-    gl_->points->forget_nodes();
+    gl_->points.pass->forget_nodes();
+}
+
+void Renderer::forget_voxels() {
+    if (!gl_ || !gl_->voxels.pass) return;
+    gl_->context.make_current();
+    gl_->voxels.pass->forget_trees();
 }
 
 // Starts GL where a GPU runs it, once. On software GL lighting takes longer than the points.
@@ -240,31 +254,31 @@ void Renderer::start_gl(int threads) {
     }
 }
 
-// None: the CPU rasterizes.
-PointsGlPass* Renderer::gpu_rasterizer(const RenderSettings& settings) {
+// None: the CPU draws.
+template <class Pass>
+Pass* Renderer::gpu_pass(GlPass<Pass> Gl::* place, const RenderSettings& settings) {
     if (settings.rasterizer == Rasterizer::cpu) return nullptr;
-    if (settings.rasterizer == Rasterizer::gpu) {
-        try {
-            if (!gl_) gl_ = std::make_unique<Gl>(settings.threads);
-            return &gl_->points_pass();
-        } catch (const Error& error) {
-            throw error.within("the rasterizer gpu");
-        }
-    }
-    start_gl(settings.threads);
-    if (!gl_ || gl_->software || gl_->points_refused) return nullptr;
+    const bool asked_for = settings.rasterizer == Rasterizer::gpu;
     try {
-        return &gl_->points_pass();
+        if (!asked_for) start_gl(settings.threads);
+        else if (!gl_) gl_ = std::make_unique<Gl>(settings.threads);
+        if (!gl_ || (!asked_for && gl_->software)) return nullptr;
+        auto& [pass, refused] = (*gl_).*place;
+        if (!asked_for && refused) return nullptr;
+        refused = true;  // unless it is made
+        if (!pass) pass.emplace(gl_->context);
+        refused = false;
+        return &*pass;
     } catch (const Error& error) {
+        if (asked_for) throw error.within("the rasterizer gpu");
         if (error.kind != ErrorKind::device) throw;
-        gl_->points_refused = true;
         return nullptr;
     }
 }
 
 // Selects, loads and cuts. used_bytes: of the memory cap, by what is not points
 Renderer::ChosenPoints Renderer::choose_points(Frame& frame, LayeredCloud& cloud, uint64_t used_bytes) {
-    auto& [camera, settings, report, watch, gpu, gpu_bytes, meshes_seen] = frame;
+    auto& [camera, settings, report, watch, gpu_points, gpu_voxels, gpu_bytes, meshes_seen] = frame;
     const bool normals = settings.splat.shape == SplatShape::surfel;
     const ResidencySettings residency = {settings.color, settings.colormap, settings.range, settings.filter, normals, settings.threads};
     if (!resident_ || !resident_->is_for(cloud, residency)) {
@@ -318,15 +332,15 @@ Renderer::ChosenPoints Renderer::choose_points(Frame& frame, LayeredCloud& cloud
 }
 
 void Renderer::draw_points(Frame& frame, const LayeredCloud& cloud, const ChosenPoints& chosen, const Strip& strip, GBuffer& out) {
-    auto& [camera, settings, report, watch, gpu, gpu_bytes, meshes_seen] = frame;
+    auto& [camera, settings, report, watch, gpu_points, gpu_voxels, gpu_bytes, meshes_seen] = frame;
     PointsPass& pass = buffers_->points;
     PointProjection projection(camera, cloud.info().quantization, settings.width, settings.height);
     projection.center_x -= strip.offset_px.x();
     projection.center_y -= strip.offset_px.y();
-    if (gpu != nullptr) {
+    if (gpu_points != nullptr) {
         const WordRows words = pass.resize(settings.width, strip.first_row, strip.rows);
         LightSum* const light = settings.splat.shape == SplatShape::gaussian ? pass.resize_sums() : nullptr;
-        gpu->draw(words, light, chosen.nodes, projection, settings.splat, gpu_bytes);
+        gpu_points->draw(words, light, chosen.nodes, projection, settings.splat, gpu_bytes);
     } else {
         pass.clear(settings.width, strip.first_row, strip.rows, settings.threads);
         watch.lap("clear");
@@ -342,7 +356,13 @@ void Renderer::draw_voxels(Frame& frame, const Scene& scene, const Strip& strip,
     const RenderSettings& settings = frame.settings;
     const VoxelView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.selection.error_px, settings.clips, settings.threads};
     VoxelsDrawn drawn;
-    for (size_t i = 0; i < scene.voxels.size(); ++i) drawn.add(strata::draw_voxels(scene.voxels[i], uint32_t(i) + 1, view, out));
+    for (size_t i = 0; i < scene.voxels.size(); ++i) {
+        const VoxelModel& model = scene.voxels[i];
+        const uint32_t drawable = uint32_t(i) + 1;
+        if (frame.gpu_voxels != nullptr && frame.gpu_voxels->draw(model, drawable, view, frame.gpu_bytes, out, drawn)) continue;
+        drawn.add(strata::draw_voxels(model, drawable, view, out));
+        frame.report.rasterizer = Rasterizer::cpu;
+    }
     frame.report.voxel_depth = std::max(frame.report.voxel_depth, drawn.finest_depth);
     if (drawn.error_px <= frame.report.error_px) return;
     frame.report.error_px = drawn.error_px;
@@ -370,12 +390,14 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
     Stopwatch watch(report);
 
     if (gl_) gl_->context.make_current();  // another renderer's may be
-    PointsGlPass* const gpu = scene.cloud != nullptr ? gpu_rasterizer(settings) : nullptr;
-    report.rasterizer = gpu != nullptr ? Rasterizer::gpu : Rasterizer::cpu;
-    const uint64_t uploaded_before = gpu != nullptr ? gpu->uploaded_bytes() : 0;
+    PointsGlPass* const gpu_points = scene.cloud != nullptr ? gpu_pass(&Gl::points, settings) : nullptr;
+    VoxelsGlPass* const gpu_voxels = !scene.voxels.empty() ? gpu_pass(&Gl::voxels, settings) : nullptr;
+    const int on_gpu = (gpu_points != nullptr) + (gpu_voxels != nullptr);
+    report.rasterizer = on_gpu > 0 ? Rasterizer::gpu : Rasterizer::cpu;
+    const uint64_t uploaded_before = gpu_points != nullptr ? gpu_points->uploaded_bytes() : 0;
     // Of the GPU's memory, which is the program's own with software GL.
-    const uint64_t gpu_bytes = gpu != nullptr ? settings.memory_bytes / kGpuShare : 0;
-    Frame frame = {camera, settings, report, watch, gpu, gpu_bytes};
+    const uint64_t gpu_bytes = on_gpu > 0 ? settings.memory_bytes / kGpuShare : 0;
+    Frame frame = {camera, settings, report, watch, gpu_points, gpu_voxels, gpu_bytes};
     if (gl_) watch.lap("gl start");
 
     const uint32_t strip_rows = choose_strip_rows(settings);
@@ -383,7 +405,7 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
     // Each pass needs the finished rows that the next one looks at.
     const int reach = fill_reach + ssao_reach + edl_reach;
     const uint64_t strip_pixels = uint64_t{settings.width} * (strip_rows + 2 * uint64_t(reach));
-    uint64_t used_bytes = strip_pixels * pixel_bytes(settings) + (gpu != nullptr && gl_->software ? gpu_bytes + strip_pixels * gpu_pixel_bytes(settings.splat) : 0);
+    uint64_t used_bytes = strip_pixels * pixel_bytes(settings) + (on_gpu > 0 && gl_->software ? uint64_t(on_gpu) * gpu_bytes + strip_pixels * gpu_pixel_bytes(settings.splat) : 0);
     for (const VoxelModel& model : scene.voxels) used_bytes += size_bytes(*model.tree);
     uint64_t most_vertices = 0;
     for (const MeshModel& model : scene.meshes) {
@@ -465,7 +487,7 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
     for (size_t i = 0; i < frame.meshes_seen.size(); ++i)
         if (frame.meshes_seen[i]) report.triangles_drawn += scene.meshes[i].mesh->triangles.size();
     if (report.points_drawn > 0) ms_per_point_ = (watch.total_ms() - chosen.loaded_ms) / double(report.points_drawn);
-    if (gpu != nullptr) report.uploaded_bytes = gpu->uploaded_bytes() - uploaded_before;
+    if (gpu_points != nullptr) report.uploaded_bytes = gpu_points->uploaded_bytes() - uploaded_before;
     report.frame_ms = watch.total_ms();
     return report;
 }

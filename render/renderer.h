@@ -23,7 +23,8 @@
 
 namespace strata {
 
-/// Who rasterizes points: the two draw the same picture. automatic: a compute shader where there is a GPU that takes it, else the CPU
+/// Who rasterizes points and casts rays to voxels: the two draw the same picture. automatic: compute shaders where there is a GPU
+/// that takes them, else the CPU
 enum class Rasterizer { automatic, cpu, gpu };
 
 struct RenderSettings {
@@ -66,7 +67,7 @@ struct RenderReport {
     uint64_t triangles_drawn = 0;  // of the meshes that the picture shows, all of them
     double error_px = 0.0;  // what the picture is off by: from selection, or how large cells look that are coarser than voxels
     BoundBy bound_by = BoundBy::error;
-    Rasterizer rasterizer = Rasterizer::cpu;  // what drew the points: never automatic
+    Rasterizer rasterizer = Rasterizer::cpu;  // what drew points and voxels: never automatic; cpu where a GPU has no room for voxels
     uint64_t uploaded_bytes = 0;  // of points, to the GPU's memory
     std::string gl_renderer;  // empty: no GL was needed
     std::string edl_by;       // what lit the picture: "cpu" or "gl"; empty: nothing did
@@ -85,13 +86,16 @@ public:
 
     /// Draws the scene as the camera sees it and hands out the picture from top to bottom, a strip at a time.
     /// The pixels depend on neither threads nor strips, nor, if it waits, on what is in memory. A node that cannot be read is
-    /// left out, so that its parent shows, and is reported once. The cloud must outlive the renderer or forget_cloud.
+    /// left out, so that its parent shows, and is reported once. The cloud must outlive the renderer or forget_cloud, voxel trees
+    /// the renderer or forget_voxels.
     /// throws  Error{usage} for a camera or size that cannot be, and for surfels of a cloud without normals; for the rasterizer `gpu` Error{device} where there is no GL
     RenderReport render_frame(const Scene& scene, const Camera& camera, const RenderSettings& settings,
                               const std::function<void(const RenderedRows&)>& on_rows);
 
     /// Drops the nodes in memory and stops reading.
     void forget_cloud();
+    /// Drops the voxel trees in the GPU's memory.
+    void forget_voxels();
     /// Bytes of nodes in memory or on their way, and the nodes that were read, of the cloud at hand.
     uint64_t resident_bytes() const { return resident_ ? resident_->cache().used_bytes() : 0; }
     uint64_t nodes_read() const { return resident_ ? resident_->cache().reads_begun() : 0; }
@@ -99,11 +103,14 @@ public:
 private:
     struct Buffers;
     struct Gl;
+    template <class Pass>
+    struct GlPass;
     struct Frame;
     struct ChosenPoints;
     struct Strip;
     void start_gl(int threads);
-    PointsGlPass* gpu_rasterizer(const RenderSettings& settings);
+    template <class Pass>
+    Pass* gpu_pass(GlPass<Pass> Gl::* place, const RenderSettings& settings);
     ChosenPoints choose_points(Frame& frame, LayeredCloud& cloud, uint64_t used_bytes);
     void draw_points(Frame& frame, const LayeredCloud& cloud, const ChosenPoints& chosen, const Strip& strip, GBuffer& out);
     void draw_voxels(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out);

@@ -12,7 +12,7 @@ namespace strata {
 
 /// The opaque things that a picture shows, by their numbers in pixel ids: the cloud is 0, voxels are 1 and on, in their order, and then come meshes.
 /// They fill one G-buffer; what is nearer wins, and of what is equally near the lower number. A scene owns neither cloud nor trees nor the triangles
-/// of meshes: they must outlive the frame.
+/// of meshes: see Renderer for how long they must live.
 struct Scene {
     LayeredCloud* cloud = nullptr;  // none: no points
     std::vector<VoxelModel> voxels;

@@ -84,6 +84,8 @@ VoxelColors::VoxelColors(const VoxelTree& tree, std::string_view name, std::opti
     if (rule_ == Rule::count && counts == 0)
         throw Error(ErrorKind::usage, "these voxels have no counts; 'strata voxelize --attributes' stores them of points");
     table_.fill(kPlain);
+    if (rule_ == Rule::level)
+        for (size_t depth = 0; depth < table_.size(); ++depth) table_[depth] = category_color(depth);
     if (rule_ != Rule::elevation && rule_ != Rule::count) return;
     table_ = Colormap(colormap.empty() ? "fjord" : colormap).colors();
     range_ = range ? *range : rule_ == Rule::count ? range_of_counts(tree, counts) : range_of_elevations(tree);
@@ -101,7 +103,7 @@ Rgba8 VoxelColors::color(const VoxelTree& tree, const VoxelHit& hit, const Vec3f
     switch (rule_) {
         case Rule::plain: break;
         case Rule::normal: return direction_color(normal);
-        case Rule::level: return category_color(uint64_t(hit.depth));
+        case Rule::level: return table_[size_t(hit.depth)];
         case Rule::elevation: {
             const double side = double(uint32_t{1} << (tree.frame.depth() - hit.depth));
             return ramp(tree.frame.origin.z() + tree.frame.voxel_size * side * (hit.cell[2] + 0.5));

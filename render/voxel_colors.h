@@ -32,6 +32,10 @@ public:
 
     Rule rule() const { return rule_; }
     const std::string& name() const { return name_; }
+    /// Of elevation, or of the logarithm of counts.
+    const ColorRange& range() const { return range_; }
+    /// What values from the range's low end to its high end look like; of levels by depth; of plain voxels all the same.
+    const std::array<Rgba8, 1024>& table() const { return table_; }
 
     /// normal  of the surface where the ray hits it; only the rule `normal` looks at it
     Rgba8 color(const VoxelTree& tree, const VoxelHit& hit, const Vec3f& normal) const;

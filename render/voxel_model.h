@@ -11,7 +11,7 @@ namespace strata {
 /// flat: cubes. smooth: cubes lit as the surface that they stand for.
 enum class VoxelShading { flat, smooth };
 
-/// Voxels as a scene has them. The tree must outlive it.
+/// Voxels as a scene has them. The tree must outlive it, and stay as it is.
 struct VoxelModel {
     VoxelModel(const VoxelTree& drawn, VoxelColors painted, VoxelShading lit = VoxelShading::flat)
         : tree(&drawn), bounds(occupied_bounds(drawn)), colors(std::move(painted)), shading(lit) {}

@@ -2,6 +2,7 @@
 
 #include <epoxy/gl.h>
 
+#include <algorithm>
 #include <string>
 
 #include "core/error.h"
@@ -25,6 +26,12 @@ Buffer& Buffer::operator=(Buffer&& other) noexcept {
 
 Buffer::~Buffer() {
     if (name_ != 0) glDeleteBuffers(1, &name_);
+}
+
+uint64_t Buffer::most_storage_bytes() {
+    GLint64 bytes = 0;
+    glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &bytes);
+    return uint64_t(std::max<GLint64>(bytes, 0));
 }
 
 void Buffer::write(uint64_t offset, const void* bytes, uint64_t count) {

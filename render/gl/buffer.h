@@ -15,6 +15,9 @@ public:
     Buffer& operator=(Buffer&& other) noexcept;
     ~Buffer();
 
+    /// The largest that a shader takes as a buffer block.
+    static uint64_t most_storage_bytes();
+
     uint64_t size_bytes() const { return size_bytes_; }
     void write(uint64_t offset, const void* bytes, uint64_t count);
     /// Waits for whatever writes it.

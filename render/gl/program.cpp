@@ -11,7 +11,12 @@
 namespace strata {
 namespace {
 
-std::string first_line(std::string log) { return log.substr(0, log.find('\n')); }
+// Some compilers put a heading before what is wrong.
+std::string first_error(const std::string& log) {
+    const size_t error = log.find("error");
+    const size_t begin = error == std::string::npos ? 0 : log.rfind('\n', error) + 1;
+    return log.substr(begin, log.find('\n', begin) - begin);
+}
 
 uint32_t compile(GLenum stage, std::string_view file) {
     const std::string source = whole_shader_source(file);
@@ -28,7 +33,7 @@ uint32_t compile(GLenum stage, std::string_view file) {
     glGetShaderInfoLog(shader, GLsizei(log.size()), &log_size, log.data());
     glDeleteShader(shader);
     log.resize(size_t(log_size));
-    throw Error(ErrorKind::device, "OpenGL: " + std::string(file) + ": " + first_line(log));
+    throw Error(ErrorKind::device, "OpenGL: " + std::string(file) + ": " + first_error(log));
 }
 
 }  // namespace
@@ -63,7 +68,7 @@ void Program::link(std::span<const uint32_t> shaders, std::string_view file) {
     glGetProgramInfoLog(name_, GLsizei(log.size()), &log_size, log.data());
     glDeleteProgram(name_);
     log.resize(size_t(log_size));
-    throw Error(ErrorKind::device, "OpenGL: " + std::string(file) + ": " + first_line(log));
+    throw Error(ErrorKind::device, "OpenGL: " + std::string(file) + ": " + first_error(log));
 }
 
 Program::~Program() { glDeleteProgram(name_); }

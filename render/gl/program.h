@@ -10,7 +10,7 @@ namespace strata {
 class Program {
 public:
     /// stem's names: files of render/shaders, such as "cover.vert" and "edl.frag"
-    /// throws  Error{device} with the compiler's first line
+    /// throws  Error{device} with the compiler's first line about an error
     Program(std::string_view vertex_file, std::string_view fragment_file);
     explicit Program(std::string_view compute_file);
     Program(const Program&) = delete;

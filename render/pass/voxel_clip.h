@@ -21,6 +21,8 @@ public:
     VoxelClip(std::span<const ClipBox> boxes, const VoxelFrame& frame);
 
     bool everything() const { return keeping_.empty() && removing_.empty(); }
+    const std::vector<Box3d>& keeping() const { return keeping_; }  // in voxels
+    const std::vector<Box3d>& removing() const { return removing_; }
 
     /// The parts that are left of [least_t, most_t], in the order of the ray. Where a box's face lies on faces of cells, the cell beyond counts:
     /// spans begin and end 2^-40 of their t inside.

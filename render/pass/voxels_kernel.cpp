@@ -4,8 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "render/pass/voxel_light.h"
 #include "render/sky_light.h"
-#include "render/srgb.h"
 
 namespace strata {
 namespace {
@@ -23,23 +23,6 @@ constexpr double kLeastCube = 2.0;      // so many pixels large or less; larger 
 constexpr double kWholeCube = 4.0;      // at this size all of it. Faces by themselves would show as rings where pixels meet them in turn
 constexpr double kDistantRelief = 2.0;  // cells that their steps, which are none of the surface, reach
 constexpr double kMostSmoothed = 1.5;  // cells along the ray, between a cube's depth and that of the surface it stands for
-
-// What each 8-bit color becomes in 256 steps of linear light.
-const std::array<std::array<uint8_t, 256>, 256>& dimmed() {
-    static const auto table = [] {
-        std::array<std::array<uint8_t, 256>, 256> made;
-        for (size_t step = 0; step < 256; ++step)
-            for (size_t color = 0; color < 256; ++color)
-                made[step][color] = srgb8_from_linear(linear_from_srgb8()[color] * (float(step) / 255.0f));
-        return made;
-    }();
-    return table;
-}
-
-Rgba8 lit(Rgba8 color, float light) {
-    const auto& dim = dimmed()[size_t(std::clamp(light, 0.0f, 1.0f) * 255.0f + 0.5f)];
-    return make_rgba(dim[red_of(color)], dim[green_of(color)], dim[blue_of(color)], alpha_of(color));
-}
 
 Vec3f face_normal(CellFace face) {
     Vec3f normal = Vec3f::Zero();
@@ -161,7 +144,6 @@ void VoxelTileKernel::shade(const VoxelRay& ray, const VoxelHit& hit, CellFace f
 void VoxelTileKernel::draw(const TileRect& rect, GBuffer& out, VoxelsDrawn& drawn) {
     cast(rect, out);
     const VoxelTile tile = in_.rays.tile(rect.x, rect.y, rect.width, rect.height);
-    const VoxelTree& tree = *in_.model.tree;
     for (int y = 0; y < rect.height; ++y)
         for (int x = 0; x < rect.width; ++x) {
             const size_t i = size_t(y) * size_t(rect.width) + size_t(x);
@@ -171,11 +153,7 @@ void VoxelTileKernel::draw(const TileRect& rect, GBuffer& out, VoxelsDrawn& draw
             if (hit.depth == 0 || !(depth < out.depths[pixel])) continue;
             const double pixel_voxels = in_.rays.pixel_size(hit.t);
             shade(tile.ray(x, y), hit, faces_[i], pixel_voxels, pixel, out);
-            drawn.finest_depth = std::max(drawn.finest_depth, hit.depth);
-            if (hit.depth == tree.frame.depth()) continue;
-            const double cell_px = double(uint32_t{1} << (tree.frame.depth() - hit.depth)) / pixel_voxels;
-            drawn.error_px = std::max(drawn.error_px, cell_px);
-            drawn.short_of_memory |= hit.depth == tree.depth() && cell_px > in_.error_px;
+            drawn.add_cell(*in_.model.tree, hit.depth, pixel_voxels, in_.error_px);
         }
 }
 

@@ -42,6 +42,14 @@ void VoxelsDrawn::add(const VoxelsDrawn& other) {
     short_of_memory |= other.short_of_memory;
 }
 
+void VoxelsDrawn::add_cell(const VoxelTree& tree, int depth, double pixel_voxels, double wanted_px) {
+    finest_depth = std::max(finest_depth, depth);
+    if (depth == tree.frame.depth()) return;
+    const double cell_px = double(uint32_t{1} << (tree.frame.depth() - depth)) / pixel_voxels;
+    error_px = std::max(error_px, cell_px);
+    short_of_memory |= depth == tree.depth() && cell_px > wanted_px;
+}
+
 VoxelsDrawn draw_voxels(const VoxelModel& model, uint32_t drawable, const VoxelView& view, GBuffer& out) {
     VoxelsDrawn drawn;
     if (model.tree->empty()) return drawn;

@@ -27,6 +27,8 @@ struct VoxelsDrawn {
     bool short_of_memory = false;  // the tree in memory ends before cells are as small as error_px
 
     void add(const VoxelsDrawn& other);
+    /// A cell of a depth, where pixels are so many voxels wide.
+    void add_cell(const VoxelTree& tree, int depth, double pixel_voxels, double wanted_px);
 };
 
 /// Casts a ray through the middle of each pixel of a G-buffer and draws what it hits where that is nearer than what is there:

@@ -102,6 +102,21 @@ nlohmann::json stats_of(const ProgramResult& result) {
 }
 
 // Cells get as small as the error asks, down to voxels; where memory holds fewer levels, that is said.
+// The shader, on whatever runs it here, against the picture of the CPU's rays: voxels beside points, cut, in a window of several strips.
+TEST_F(RenderVoxels, TheGpuDrawsTheSamePicture) {
+    for (const char* shading : {"flat", "smooth"}) {
+        const std::vector<std::string> words = {file("village.svo"), village(), "--voxels", shading, "--clip", "-500,0,-1,1e6,1e7,1e3", "--stats"};
+        std::vector<std::string> cpu = words, gpu = words;
+        cpu.insert(cpu.end(), {"--rasterizer", "cpu", "-o", file("by_cpu.png")});
+        gpu.insert(gpu.end(), {"--rasterizer", "gpu", "-o", file("by_gpu.png"), "--reference", file("by_cpu.png"), "--threshold", "2"});
+        ASSERT_EQ(render(cpu).exit_code, 0);
+        const ProgramResult result = render(gpu);
+        if (result.exit_code != 0 && result.err.find("no OpenGL 4.5") != std::string::npos) GTEST_SKIP() << result.err;
+        EXPECT_EQ(result.exit_code, 0) << shading << ": " << result.err;
+        EXPECT_EQ(nlohmann::json::parse(result.out)["rasterizer"], "gpu");
+    }
+}
+
 TEST_F(RenderVoxels, StatsSayHowFineThePictureIs) {
     const std::string out = file("stats.png");
     const nlohmann::json fine = stats_of(render({file("village.svo"), "-o", out, "--stats", "--error", "0.1"}));
