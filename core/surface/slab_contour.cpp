@@ -1,0 +1,689 @@
+#include "core/surface/slab_contour.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <mutex>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "core/simd_target.h"
+#include "core/surface/edge_cut.h"
+#include "core/surface/inner_vertex.h"
+
+namespace strata {
+
+struct SlabContour::Findings {
+    SampleStatistics samples;
+    CutStatistics cuts;
+    uint64_t ambiguous = 0, tunnels = 0;
+    bool meets_boundary = false;
+};
+
+namespace {
+
+using U32x8 = uint32_t __attribute__((vector_size(32)));
+using U32x16 = uint32_t __attribute__((vector_size(64)));
+using U8x16 = uint8_t __attribute__((vector_size(16)));
+
+constexpr double kOutside = -std::numeric_limits<double>::infinity();  // the value of samples beyond a closed grid
+
+// Which of the edges 0 to 7 of a case are crossed: by so much the numbers of the next vertices on those eight rows of edges grow.
+constexpr std::array<std::array<uint32_t, 8>, 256> make_steps() {
+    std::array<std::array<uint32_t, 8>, 256> steps{};
+    for (unsigned c = 0; c < 256; ++c)
+        for (size_t e = 0; e < 8; ++e) steps[c][e] = ((c >> kCellEdge[e].lower) ^ (c >> kCellEdge[e].upper)) & 1;
+    return steps;
+}
+alignas(64) constexpr std::array<std::array<uint32_t, 8>, 256> kSteps = make_steps();
+
+constexpr std::array<uint8_t, 256> make_crossings() {
+    std::array<uint8_t, 256> crossings{};
+    for (unsigned c = 0; c < 256; ++c)
+        for (const CellEdge& edge : kCellEdge) crossings[c] = uint8_t(crossings[c] + (((c >> edge.lower) ^ (c >> edge.upper)) & 1));
+    return crossings;
+}
+constexpr std::array<uint8_t, 256> kCrossings = make_crossings();
+
+// Bits i and i + 1 of a row.
+inline unsigned two_bits(const uint64_t* row, size_t i) {
+    if constexpr (std::endian::native == std::endian::little) {
+        uint16_t bytes;
+        std::memcpy(&bytes, reinterpret_cast<const char*>(row) + i / 8, sizeof bytes);
+        return unsigned(bytes >> (i & 7)) & 3;
+    } else {
+        const size_t w = i / 64, bit = i % 64;
+        return unsigned(row[w] >> bit | row[w + 1] << 1 << (63 - bit)) & 3;
+    }
+}
+
+inline uint64_t next_bits(const uint64_t* row, size_t w) { return row[w] >> 1 | row[w + 1] << 63; }
+
+}  // namespace
+
+// The loops over rows, compiled for each instruction set.
+struct SlabKernel {
+    using Rows = std::array<const uint64_t*, 4>;  // of bits, at (j, k), (j + 1, k), (j, k + 1), (j + 1, k + 1)
+
+    static Rows rows_of(SlabContour& slab, int64_t layer, size_t isovalue, int64_t j) {
+        return {slab.mask(layer, isovalue, j), slab.mask(layer, isovalue, j + 1), slab.mask(layer + 1, isovalue, j),
+                slab.mask(layer + 1, isovalue, j + 1)};
+    }
+    static unsigned case_of(const Rows& rows, size_t i) {
+        return two_bits(rows[0], i) | two_bits(rows[1], i) << 2 | two_bits(rows[2], i) << 4 | two_bits(rows[3], i) << 6;
+    }
+
+    // Bits of a row's last word of cells.
+    static uint64_t last_cells(const SlabContour& slab) {
+        const auto rest = unsigned((slab.columns_ - 1) % 64);
+        return rest == 0 ? ~uint64_t{0} : (uint64_t{1} << rest) - 1;
+    }
+    static size_t cell_words(const SlabContour& slab) { return size_t(slab.columns_ - 1 + 63) / 64; }
+
+    static void find_active(const SlabContour& slab, const Rows& rows, uint64_t* active) {
+        const size_t words = cell_words(slab);
+        const uint64_t *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3];
+        for (size_t w = 0; w < words; ++w) {
+            const uint64_t any = a[w] | b[w] | c[w] | d[w], all = a[w] & b[w] & c[w] & d[w];
+            const uint64_t next_any = a[w + 1] | b[w + 1] | c[w + 1] | d[w + 1], next_all = a[w + 1] & b[w + 1] & c[w + 1] & d[w + 1];
+            active[w] = (any | any >> 1 | next_any << 63) & ~(all & (all >> 1 | next_all << 63));
+        }
+        active[words - 1] &= last_cells(slab);
+    }
+
+    // Cells with an ambiguous face, or where all but two opposite corners are alike: plain() has no triangles for them.
+    static uint64_t undecided(const Rows& rows, size_t w) {
+        std::array<uint64_t, 8> corner;
+        for (size_t r = 0; r < 4; ++r) {
+            corner[2 * r] = rows[r][w];
+            corner[2 * r + 1] = next_bits(rows[r], w);
+        }
+        uint64_t found = 0;
+        for (const auto& face : kFaceCorners)
+            found |= (corner[face[0]] ^ corner[face[1]]) & (corner[face[1]] ^ corner[face[2]]) & (corner[face[2]] ^ corner[face[3]]);
+        for (size_t one = 0; one < 4; ++one) {
+            uint64_t any = 0, all = ~uint64_t{0};  // of the other six
+            for (size_t other = 0; other < 4; ++other) {
+                if (other == one) continue;
+                any |= corner[other] | corner[7 - other];
+                all &= corner[other] & corner[7 - other];
+            }
+            found |= (corner[one] & corner[7 - one] & ~any) | (~(corner[one] | corner[7 - one]) & all);
+        }
+        return found;
+    }
+
+    // The sample of a row of the padded grid; nullptr: it is outside.
+    static const float* samples_of(const SlabContour& slab, const SlabSamples& samples, int64_t j, int64_t k) {
+        const int64_t row = j - slab.pad_, slice = k - slab.pad_;
+        if (row < 0 || row >= slab.samples_[1] || slice < 0 || slice >= slab.samples_[2]) return nullptr;
+        return samples.values + ((slice - samples.first_slice) * slab.samples_[1] + row) * slab.samples_[0];
+    }
+
+    static CellValues values_of(const SlabContour& slab, const SlabSamples& samples, double isovalue, int64_t i, int64_t j, int64_t k) {
+        CellValues values;
+        for (int64_t c = 0; c < 8; ++c) {
+            const float* const row = samples_of(slab, samples, j + (c >> 1 & 1), k + (c >> 2));
+            const int64_t column = i + (c & 1) - slab.pad_;
+            const bool outside = row == nullptr || column < 0 || column >= slab.samples_[0];
+            values[size_t(c)] = outside       ? kOutside
+                                : slab.below_ ? isovalue - double(row[column])
+                                              : double(row[column]) - isovalue;
+        }
+        return values;
+    }
+
+    static void count_slice(SlabContour& slab, int64_t slice, SlabContour::Findings& findings) {
+        const int64_t k = slab.slab_first_ + slice;
+        const size_t words = slab.stride_ - 1, cells = cell_words(slab);
+        const auto last_column = size_t(slab.columns_ - 1);
+        const bool slice_at_boundary = k == slab.pad_ || k == slab.slices_ - 1 - slab.pad_;
+        for (size_t s = 0; s < slab.isovalues_.size(); ++s) {
+            SlabContour::Unit& total = slab.slice_units_[slab.unit(slice, s)];
+            total = {};
+            for (int64_t j = 0; j < slab.rows_; ++j) {
+                const uint64_t* const row = slab.mask(slice, s, j);
+                const uint64_t* const next = slab.mask(slice, s, j + 1 < slab.rows_ ? j + 1 : j);
+                unsigned x = 0, y = 0;
+                for (size_t w = 0; w < cells; ++w) {
+                    const uint64_t crossed = (row[w] ^ next_bits(row, w)) & (w + 1 == cells ? last_cells(slab) : ~uint64_t{0});
+                    x += unsigned(std::popcount(crossed));
+                }
+                for (size_t w = 0; w < words; ++w) y += unsigned(std::popcount(row[w] ^ next[w]));
+                slab.slice_rows_[slab.unit(slice, s) * size_t(slab.rows_) + size_t(j)] = {x, y};
+                total.vertices += x + y;
+
+                const bool row_at_boundary = j == slab.pad_ || j == slab.rows_ - 1 - slab.pad_;
+                if (slab.pad_ == 1) {  // closed there wherever a sample is inside
+                    uint64_t any = 0;
+                    if (slice_at_boundary || row_at_boundary)
+                        for (size_t w = 0; w < words; ++w) any |= row[w];
+                    any |= (row[0] >> 1 | row[(last_column - 1) / 64] >> (last_column - 1) % 64) & 1;
+                    findings.meets_boundary |= any != 0;
+                } else {
+                    const uint64_t ends = (row[0] ^ next[0]) | (row[last_column / 64] ^ next[last_column / 64]) >> last_column % 64;
+                    findings.meets_boundary |= (slice_at_boundary && x + y > 0) || (row_at_boundary && x > 0) || (ends & 1) != 0;
+                }
+            }
+        }
+    }
+
+    static void count_layer(SlabContour& slab, const SlabSamples& samples, int64_t layer, SlabContour::Findings& findings) {
+        const CellCases& cases = CellCases::get();
+        const size_t words = slab.stride_ - 1, cells = cell_words(slab);
+        const auto last_column = size_t(slab.columns_ - 1);
+        const auto rows_per_unit = size_t(slab.rows_);
+        std::vector<uint64_t> active(cells);
+        for (size_t s = 0; s < slab.isovalues_.size(); ++s) {
+            SlabContour::Unit& total = slab.layer_units_[slab.unit(layer, s)];
+            total = {};
+            SlabContour::LayerRow* const out = slab.layer_rows_.data() + slab.unit(layer, s) * rows_per_unit;
+            for (int64_t j = 0; j < slab.rows_; ++j) {
+                const uint64_t *low = slab.mask(layer, s, j), *high = slab.mask(layer + 1, s, j);
+                unsigned z = 0;
+                for (size_t w = 0; w < words; ++w) z += unsigned(std::popcount(low[w] ^ high[w]));
+                out[j] = {z, 0, 0};
+                total.vertices += z;
+                const uint64_t ends = (low[0] ^ high[0]) | (low[last_column / 64] ^ high[last_column / 64]) >> last_column % 64;
+                if (slab.pad_ == 0) findings.meets_boundary |= ((j == 0 || j == slab.rows_ - 1) && z > 0) || (ends & 1) != 0;
+            }
+            const SlabContour::SliceRow* const below = slab.slice_rows_.data() + slab.unit(layer, s) * rows_per_unit;
+            const SlabContour::SliceRow* const above = slab.slice_rows_.data() + slab.unit(layer + 1, s) * rows_per_unit;
+            // How often a row's crossings of edges along j or k are met by the cells at both sides: twice, but for those at its ends.
+            const auto met = [&](uint32_t count, const uint64_t* row, const uint64_t* next) {
+                const uint64_t first = row[0] ^ next[0], last = (row[last_column / 64] ^ next[last_column / 64]) >> last_column % 64;
+                return 2 * int64_t{count} - int64_t(first & 1) - int64_t(last & 1);
+            };
+            for (int64_t j = 0; j + 1 < slab.rows_; ++j) {
+                const Rows rows = rows_of(slab, layer, s, j);
+                // A loop of n crossings bounds n - 2 triangles, and a plain cell that the surface crosses has one loop: their number is
+                // that of the cells' crossings less twice the cells.
+                int64_t triangles = int64_t{below[j].x} + below[j + 1].x + above[j].x + above[j + 1].x;
+                triangles += met(below[j].y, rows[0], rows[1]) + met(above[j].y, rows[2], rows[3]);
+                triangles += met(out[j].z, rows[0], rows[2]) + met(out[j + 1].z, rows[1], rows[3]);
+                if (triangles == 0) continue;
+                find_active(slab, rows, active.data());
+                unsigned inner = 0;
+                for (size_t w = 0; w < cells; ++w) {
+                    if (active[w] == 0) continue;
+                    triangles -= 2 * std::popcount(active[w]);
+                    for (uint64_t left = active[w] & undecided(rows, w); left != 0; left &= left - 1) {
+                        const size_t i = 64 * w + size_t(std::countr_zero(left));
+                        const unsigned cell_case = case_of(rows, i);
+                        const CellDecision decision = cases.decide(
+                            cell_case, values_of(slab, samples, slab.isovalues_[s], int64_t(i), j, slab.slab_first_ + layer));
+                        triangles += decision.patch->triangles + 2 - kCrossings[cell_case];
+                        inner += decision.patch->inner;
+                        ++findings.ambiguous;
+                        findings.tunnels += decision.tunnel;
+                    }
+                }
+                out[j].triangles = uint32_t(triangles);
+                out[j].inner = inner;
+                total.triangles += uint64_t(triangles);
+                total.vertices += inner;
+            }
+        }
+    }
+
+    // The row's start in the world, less the placement's origin.
+    static Vec3d start_of(const SlabContour& slab, int64_t j, int64_t k) {
+        return double(j - slab.pad_) * slab.axes_[1] + double(k - slab.pad_) * slab.axes_[2] - double(slab.pad_) * slab.axes_[0];
+    }
+
+    // The field's slope at a sample, in index space; zero along axes where it has no finite neighbor.
+    static Vec3d slope_at(const SlabContour& slab, const SlabSamples& samples, const std::array<int64_t, 3>& at) {
+        const auto value = [&](const std::array<int64_t, 3>& p) {
+            return samples.values[((p[2] - samples.first_slice) * slab.samples_[1] + p[1]) * slab.samples_[0] + p[0]];
+        };
+        const double here = value(at);
+        Vec3d slope = Vec3d::Zero();
+        for (int axis = 0; axis < 3; ++axis) {
+            std::array<int64_t, 3> before = at, after = at;
+            --before[size_t(axis)];
+            ++after[size_t(axis)];
+            const double low = at[size_t(axis)] > 0 ? double(value(before)) : kOutside;
+            const double high = at[size_t(axis)] + 1 < slab.samples_[size_t(axis)] ? double(value(after)) : kOutside;
+            const bool has_low = std::isfinite(low), has_high = std::isfinite(high);
+            slope[axis] = has_low && has_high ? 0.5 * (high - low) : has_high ? high - here : has_low ? here - low : 0.0;
+        }
+        return slope.allFinite() ? slope : Vec3d::Zero();
+    }
+
+    static Vec3f normal_of(const SlabContour& slab, const Vec3d& outward) {
+        const Vec3d normal = slab.normal_from_gradient_ * outward;
+        const double length = normal.norm();
+        return length > 0.0 && std::isfinite(length) ? Vec3f((normal / length).cast<float>()) : Vec3f(Vec3f::Zero());
+    }
+
+    // The normal at t between two samples of the padded grid.
+    static Vec3f edge_normal(const SlabContour& slab, const SlabSamples& samples, std::array<int64_t, 3> at, int axis, double t) {
+        for (int64_t& a : at) a -= slab.pad_;
+        std::array<int64_t, 3> upper = at;
+        ++upper[size_t(axis)];
+        Vec3d outward = Vec3d::Zero();
+        const auto is_outside = [&](const std::array<int64_t, 3>& p) {
+            return p[size_t(axis)] < 0 || p[size_t(axis)] >= slab.samples_[size_t(axis)];
+        };
+        if (is_outside(at) || is_outside(upper)) {  // a cap
+            outward[axis] = is_outside(at) ? -1.0 : 1.0;
+        } else {
+            outward = (1.0 - t) * slope_at(slab, samples, at) + t * slope_at(slab, samples, upper);
+            if (!slab.below_) outward = -outward;
+        }
+        return normal_of(slab, outward);
+    }
+
+    template <bool kNormals>
+    static void emit_slice(SlabContour& slab, const SlabSamples& samples, int64_t slice, const ContourTarget& out, uint64_t first_vertex,
+                           CutStatistics& cuts) {
+        const int64_t k = slab.slab_first_ + slice;
+        const size_t words = slab.stride_ - 1, cells = cell_words(slab);
+        const int64_t pad = slab.pad_;
+        for (size_t s = 0; s < slab.isovalues_.size(); ++s) {
+            const double isovalue = slab.isovalues_[s];
+            for (int64_t j = 0; j < slab.rows_; ++j) {
+                const uint64_t* const row = slab.mask(slice, s, j);
+                const uint64_t* const next = slab.mask(slice, s, j + 1 < slab.rows_ ? j + 1 : j);
+                const float* const here = samples_of(slab, samples, j, k);
+                const float* const there = samples_of(slab, samples, j + 1, k);
+                const Vec3d start = start_of(slab, j, k);
+                const SlabContour::SliceRow& numbers = slab.slice_rows_[slab.unit(slice, s) * size_t(slab.rows_) + size_t(j)];
+                uint64_t at = numbers.x - first_vertex;
+                for (size_t w = 0; w < cells; ++w) {
+                    uint64_t left = (row[w] ^ next_bits(row, w)) & (w + 1 == cells ? last_cells(slab) : ~uint64_t{0});
+                    for (; left != 0; left &= left - 1) {
+                        const int64_t i = int64_t(64 * w) + std::countr_zero(left);
+                        double t;
+                        if (pad == 1 && (i == 0 || i == slab.columns_ - 2))
+                            t = i == 0 ? 1.0 - kLeastCut : kLeastCut;
+                        else
+                            t = cut_edge(here[i - pad], here[i + 1 - pad], isovalue, cuts);
+                        put(out.positions[at], start + (double(i) + t) * slab.axes_[0]);
+                        if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 0, t);
+                        ++at;
+                    }
+                }
+                at = numbers.y - first_vertex;
+                for (size_t w = 0; w < words; ++w)
+                    for (uint64_t left = row[w] ^ next[w]; left != 0; left &= left - 1) {
+                        const int64_t i = int64_t(64 * w) + std::countr_zero(left);
+                        const double t = here == nullptr    ? 1.0 - kLeastCut
+                                         : there == nullptr ? kLeastCut
+                                                            : cut_edge(here[i - pad], there[i - pad], isovalue, cuts);
+                        put(out.positions[at], start + double(i) * slab.axes_[0] + t * slab.axes_[1]);
+                        if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 1, t);
+                        ++at;
+                    }
+            }
+        }
+    }
+
+    static void put(Vec3f& out, const Vec3d& position) { out = {float(position.x()), float(position.y()), float(position.z())}; }
+
+    template <bool kPermute, bool kNormals>
+    static void emit_layer(SlabContour& slab, const SlabSamples& samples, int64_t layer, const ContourTarget& out, uint64_t first_vertex,
+                           uint64_t first_triangle, CutStatistics& cuts) {
+        const CellCases& cases = CellCases::get();
+        const CellCases::Plain& plain = cases.plain(slab.mirrored_);
+        const int64_t k = slab.slab_first_ + layer, pad = slab.pad_;
+        const size_t words = slab.stride_ - 1, cells = cell_words(slab);
+        const auto rows_per_unit = size_t(slab.rows_);
+        std::vector<uint64_t> active(cells);
+        for (size_t s = 0; s < slab.isovalues_.size(); ++s) {
+            const double isovalue = slab.isovalues_[s];
+            const SlabContour::Unit& unit = slab.layer_units_[slab.unit(layer, s)];
+            const SlabContour::LayerRow* const numbers = slab.layer_rows_.data() + slab.unit(layer, s) * rows_per_unit;
+            const SlabContour::SliceRow* const below = slab.slice_rows_.data() + slab.unit(layer, s) * rows_per_unit;
+            const SlabContour::SliceRow* const above = slab.slice_rows_.data() + slab.unit(layer + 1, s) * rows_per_unit;
+            for (int64_t j = 0; j < slab.rows_; ++j) {
+                const uint64_t *low = slab.mask(layer, s, j), *high = slab.mask(layer + 1, s, j);
+                const float* const here = samples_of(slab, samples, j, k);
+                const float* const there = samples_of(slab, samples, j, k + 1);
+                const Vec3d start = start_of(slab, j, k);
+                uint64_t at = numbers[j].z - first_vertex;
+                for (size_t w = 0; w < words; ++w)
+                    for (uint64_t left = low[w] ^ high[w]; left != 0; left &= left - 1) {
+                        const int64_t i = int64_t(64 * w) + std::countr_zero(left);
+                        const double t = here == nullptr    ? 1.0 - kLeastCut
+                                         : there == nullptr ? kLeastCut
+                                                            : cut_edge(here[i - pad], there[i - pad], isovalue, cuts);
+                        put(out.positions[at], start + double(i) * slab.axes_[0] + t * slab.axes_[2]);
+                        if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 2, t);
+                        ++at;
+                    }
+            }
+
+            uint32_t* const unit_triangles = out.triangles[unit.first_triangle - first_triangle].data();
+            uint32_t* const end = unit_triangles + 3 * unit.triangles;
+            alignas(64) std::array<uint32_t, 16> ids = {};
+            for (int64_t j = 0; j + 1 < slab.rows_; ++j) {
+                const Rows rows = rows_of(slab, layer, s, j);
+                uint32_t* triangle = unit_triangles + 3 * size_t(numbers[j].triangles);
+                if (triangle == (j + 2 < slab.rows_ ? unit_triangles + 3 * size_t(numbers[j + 1].triangles) : end)) continue;
+                find_active(slab, rows, active.data());
+                uint32_t inner = numbers[j].inner;
+                U32x8 next = {below[j].x, below[j + 1].x, above[j].x, above[j + 1].x, below[j].y, above[j].y, numbers[j].z, numbers[j + 1].z};
+                for (size_t w = 0; w < cells; ++w)
+                    for (uint64_t left = active[w]; left != 0; left &= left - 1) {
+                        const size_t i = 64 * w + size_t(std::countr_zero(left));
+                        const unsigned cell_case = case_of(rows, i);
+                        U32x8 step;
+                        std::memcpy(&step, kSteps[cell_case].data(), sizeof step);
+                        std::memcpy(ids.data(), &next, sizeof next);
+                        next += step;
+                        for (size_t e = 0; e < 4; ++e) ids[8 + e] = next[4 + e];
+                        const unsigned count = plain.triangles[cell_case];
+                        if (count != CellCases::kUndecided) {
+                            const std::array<uint8_t, 16>& vertices = plain.vertices[cell_case];
+                            if (end - triangle >= 16) {
+                                if constexpr (kPermute) {
+                                    U8x16 narrow;
+                                    U32x16 all;
+                                    std::memcpy(&narrow, vertices.data(), sizeof narrow);
+                                    std::memcpy(&all, ids.data(), sizeof all);
+                                    all = __builtin_shuffle(all, __builtin_convertvector(narrow, U32x16));
+                                    std::memcpy(triangle, &all, sizeof all);
+                                } else {
+                                    for (size_t v = 0; v < 6; ++v) triangle[v] = ids[vertices[v]];
+                                    if (count > 2)
+                                        for (size_t v = 6; v < 15; ++v) triangle[v] = ids[vertices[v]];
+                                }
+                            } else {
+                                for (size_t v = 0; v < 3 * size_t(count); ++v) triangle[v] = ids[vertices[v]];
+                            }
+                            triangle += 3 * count;
+                            continue;
+                        }
+                        const CellValues values = values_of(slab, samples, isovalue, int64_t(i), j, k);
+                        const CellPatch& patch = *cases.decide(cell_case, values).patch;
+                        for (size_t n = 0; n < patch.inner; ++n) {
+                            const Vec3d p_cell = place_inner_vertex(values, patch.inner_edges[n]);
+                            const uint64_t at = inner - first_vertex;
+                            put(out.positions[at], start_of(slab, j, k) + (double(i) + p_cell.x()) * slab.axes_[0] +
+                                                       p_cell.y() * slab.axes_[1] + p_cell.z() * slab.axes_[2]);
+                            if constexpr (kNormals) out.normals[at] = normal_of(slab, -inside_slope(values, p_cell));
+                            ids[kCellEdges + n] = inner++;
+                        }
+                        for (size_t t = 0; t < patch.triangles; ++t, triangle += 3)
+                            for (size_t v = 0; v < 3; ++v) triangle[v] = ids[patch.vertices[3 * t + (slab.mirrored_ ? 2 - v : v)]];
+                    }
+            }
+        }
+    }
+
+    // Normals are not worth a kernel of their own for each instruction set.
+    static void emit_slice_plainly(SlabContour& slab, const SlabSamples& samples, int64_t slice, const ContourTarget& out,
+                                   uint64_t first_vertex, CutStatistics& cuts) {
+        emit_slice<true>(slab, samples, slice, out, first_vertex, cuts);
+    }
+    static void emit_layer_plainly(SlabContour& slab, const SlabSamples& samples, int64_t layer, const ContourTarget& out,
+                                   uint64_t first_vertex, uint64_t first_triangle, CutStatistics& cuts) {
+        emit_layer<false, true>(slab, samples, layer, out, first_vertex, first_triangle, cuts);
+    }
+
+    STRATA_KERNEL_BASELINE static void count_slice_baseline(SlabContour& slab, int64_t slice, SlabContour::Findings& findings) {
+        count_slice(slab, slice, findings);
+    }
+    STRATA_KERNEL_AVX2 static void count_slice_avx2(SlabContour& slab, int64_t slice, SlabContour::Findings& findings) {
+        count_slice(slab, slice, findings);
+    }
+    STRATA_KERNEL_AVX512 static void count_slice_avx512(SlabContour& slab, int64_t slice, SlabContour::Findings& findings) {
+        count_slice(slab, slice, findings);
+    }
+    STRATA_KERNEL_BASELINE static void count_layer_baseline(SlabContour& slab, const SlabSamples& samples, int64_t layer,
+                                                            SlabContour::Findings& findings) {
+        count_layer(slab, samples, layer, findings);
+    }
+    STRATA_KERNEL_AVX2 static void count_layer_avx2(SlabContour& slab, const SlabSamples& samples, int64_t layer,
+                                                    SlabContour::Findings& findings) {
+        count_layer(slab, samples, layer, findings);
+    }
+    STRATA_KERNEL_AVX512 static void count_layer_avx512(SlabContour& slab, const SlabSamples& samples, int64_t layer,
+                                                        SlabContour::Findings& findings) {
+        count_layer(slab, samples, layer, findings);
+    }
+    STRATA_KERNEL_BASELINE static void emit_slice_baseline(SlabContour& slab, const SlabSamples& samples, int64_t slice,
+                                                           const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
+        emit_slice<false>(slab, samples, slice, out, first_vertex, cuts);
+    }
+    STRATA_KERNEL_AVX2 static void emit_slice_avx2(SlabContour& slab, const SlabSamples& samples, int64_t slice, const ContourTarget& out,
+                                                   uint64_t first_vertex, CutStatistics& cuts) {
+        emit_slice<false>(slab, samples, slice, out, first_vertex, cuts);
+    }
+    STRATA_KERNEL_AVX512 static void emit_slice_avx512(SlabContour& slab, const SlabSamples& samples, int64_t slice,
+                                                       const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
+        emit_slice<false>(slab, samples, slice, out, first_vertex, cuts);
+    }
+    STRATA_KERNEL_BASELINE static void emit_layer_baseline(SlabContour& slab, const SlabSamples& samples, int64_t layer,
+                                                           const ContourTarget& out, uint64_t first_vertex, uint64_t first_triangle,
+                                                           CutStatistics& cuts) {
+        emit_layer<false, false>(slab, samples, layer, out, first_vertex, first_triangle, cuts);
+    }
+    STRATA_KERNEL_AVX2 static void emit_layer_avx2(SlabContour& slab, const SlabSamples& samples, int64_t layer, const ContourTarget& out,
+                                                   uint64_t first_vertex, uint64_t first_triangle, CutStatistics& cuts) {
+        emit_layer<false, false>(slab, samples, layer, out, first_vertex, first_triangle, cuts);
+    }
+    STRATA_KERNEL_AVX512 static void emit_layer_avx512(SlabContour& slab, const SlabSamples& samples, int64_t layer,
+                                                       const ContourTarget& out, uint64_t first_vertex, uint64_t first_triangle,
+                                                       CutStatistics& cuts) {
+        emit_layer<true, false>(slab, samples, layer, out, first_vertex, first_triangle, cuts);
+    }
+};
+
+namespace {
+
+template <typename Kernel>
+Kernel* kernel_for(SimdLevel level, Kernel* baseline, Kernel* avx2, Kernel* avx512) {
+    return level == SimdLevel::avx512 ? avx512 : level == SimdLevel::avx2 ? avx2 : baseline;
+}
+
+}  // namespace
+
+SlabContour::SlabContour(const GridPlacement& placement, const std::array<uint32_t, 3>& size, const ContourSettings& settings,
+                         double reference, SimdLevel level)
+    : samples_{size[0], size[1], size[2]},
+      pad_(settings.close ? 1 : 0),
+      columns_(samples_[0] + 2 * pad_),
+      rows_(samples_[1] + 2 * pad_),
+      slices_(samples_[2] + 2 * pad_),
+      stride_(size_t(columns_ + 63) / 64 + 1),
+      below_(settings.inside == ContourInside::below),
+      normals_(settings.normals),
+      mirrored_(placement.is_mirrored()),
+      threads_(settings.threads),
+      level_(level),
+      axes_{placement.axes.col(0), placement.axes.col(1), placement.axes.col(2)},
+      normal_from_gradient_(placement.axes.inverse().transpose()) {
+    if (!settings.colors.empty() && settings.colors.size() != settings.isovalues.size())
+        throw Error(ErrorKind::usage, std::to_string(settings.isovalues.size()) + " isovalues have " + std::to_string(settings.colors.size()) + " colors");
+    for (const double isovalue : settings.isovalues) {
+        if (!std::isfinite(isovalue)) throw Error(ErrorKind::usage, "an isovalue is not finite");
+        isovalues_.push_back(isovalue - reference);
+        levels_.push_back(level_of(isovalue - reference, below_));
+    }
+}
+
+int64_t SlabContour::layers() const {
+    const bool none = samples_[0] == 0 || samples_[1] == 0 || samples_[2] == 0 || columns_ < 2 || rows_ < 2 || slices_ < 2;
+    return none || isovalues_.empty() ? 0 : slices_ - 1;
+}
+
+std::array<int64_t, 2> SlabContour::slices_of(int64_t first, int64_t end) const {
+    const int64_t around = normals_ ? 1 : 0;
+    return {std::clamp<int64_t>(first - pad_ - around, 0, samples_[2]), std::clamp<int64_t>(end + 1 - pad_ + around, 0, samples_[2])};
+}
+
+uint64_t SlabContour::plan_bytes(int64_t layers) const {
+    const uint64_t row_bytes = stride_ * sizeof(uint64_t) + sizeof(SliceRow) + sizeof(LayerRow);
+    return uint64_t(layers + 1) * isovalues_.size() * (uint64_t(rows_) * row_bytes + 2 * sizeof(Unit));
+}
+
+void SlabContour::find_masks(const SlabSamples& samples, int64_t slab_slice, SampleStatistics& statistics) {
+    const size_t written = size_t(samples_[0] + 63) / 64;
+    std::vector<uint64_t*> rows(isovalues_.size());
+    for (int64_t j = 0; j < rows_; ++j) {
+        for (size_t s = 0; s < rows.size(); ++s) rows[s] = mask(slab_slice, s, j);
+        const float* const values = SlabKernel::samples_of(*this, samples, j, slab_first_ + slab_slice);
+        if (values == nullptr) {
+            for (uint64_t* row : rows) std::fill_n(row, stride_, 0);
+            continue;
+        }
+        find_inside({values, size_t(samples_[0])}, levels_, below_, rows.data(), statistics, level_);
+        for (uint64_t* row : rows) {
+            std::fill(row + written, row + stride_, 0);
+            if (pad_ == 0) continue;
+            for (size_t w = stride_ - 1; w > 0; --w) row[w] = row[w] << 1 | row[w - 1] >> 63;
+            row[0] <<= 1;
+        }
+    }
+}
+
+void SlabContour::plan(const SlabSamples& samples, int64_t first, int64_t end) {
+    const auto slices = size_t(end - first) + 1, isovalues = isovalues_.size(), unit_rows = size_t(rows_);
+    // The first slice is the last of the layers before, whose vertices are numbered.
+    const size_t shared_rows = first == 0 ? 0 : isovalues * unit_rows;
+    const std::vector<SliceRow> shared(slice_rows_.end() - std::ptrdiff_t(shared_rows), slice_rows_.end());
+    slab_first_ = first;
+    slab_end_ = end;
+    if (const size_t words = slices * isovalues * unit_rows * stride_; masks_.size() < words) masks_ = LargeArray<uint64_t>(words);
+    slice_units_.resize(slices * isovalues);
+    layer_units_.resize((slices - 1) * isovalues);
+    slice_rows_.resize(slice_units_.size() * unit_rows);
+    layer_rows_.resize(layer_units_.size() * unit_rows);
+
+    std::mutex mutex;
+    Findings findings;
+    const auto keep = [&](const Findings& found) {
+        const std::lock_guard lock(mutex);
+        findings.samples.add(found.samples);
+        findings.ambiguous += found.ambiguous;
+        findings.tunnels += found.tunnels;
+        findings.meets_boundary |= found.meets_boundary;
+    };
+    const auto count_slice =
+        kernel_for(level_, SlabKernel::count_slice_baseline, SlabKernel::count_slice_avx2, SlabKernel::count_slice_avx512);
+    const auto count_layer =
+        kernel_for(level_, SlabKernel::count_layer_baseline, SlabKernel::count_layer_avx2, SlabKernel::count_layer_avx512);
+    parallel_blocks(threads_, slices, 1, [&](size_t begin, size_t stop) {
+        Findings found;
+        for (size_t slice = begin; slice < stop; ++slice) {
+            SampleStatistics known;  // of the slice shared with the layers before
+            find_masks(samples, int64_t(slice), first > 0 && slice == 0 ? known : found.samples);
+            count_slice(*this, int64_t(slice), found);
+        }
+        keep(found);
+    });
+    parallel_blocks(threads_, slices - 1, 1, [&](size_t begin, size_t stop) {
+        Findings found;
+        for (size_t layer = begin; layer < stop; ++layer) count_layer(*this, samples, int64_t(layer), found);
+        keep(found);
+    });
+
+    number_units(int64_t(slices));
+    parallel_blocks(threads_, slices, 4, [&](size_t begin, size_t stop) {
+        for (size_t u = begin * isovalues; u < stop * isovalues; ++u) {
+            uint64_t vertex = slice_units_[u].first_vertex;
+            for (size_t j = 0; j < unit_rows; ++j) {
+                SliceRow& row = slice_rows_[u * unit_rows + j];
+                const SliceRow count = row;
+                row = {uint32_t(vertex), uint32_t(vertex + count.x)};
+                vertex += count.x + count.y;
+            }
+            if (u >= layer_units_.size()) continue;
+            vertex = layer_units_[u].first_vertex;
+            uint64_t triangle = 0;
+            for (size_t j = 0; j < unit_rows; ++j) {
+                LayerRow& row = layer_rows_[u * unit_rows + j];
+                const LayerRow count = row;
+                row = {uint32_t(vertex), uint32_t(vertex + count.z), uint32_t(triangle)};
+                vertex += count.z + count.inner;
+                triangle += count.triangles;
+            }
+        }
+    });
+    std::copy(shared.begin(), shared.end(), slice_rows_.begin());
+
+    report_.vertices = next_vertex_;
+    if (!layer_units_.empty()) report_.triangles += layer_units_.back().first_triangle + layer_units_.back().triangles;
+    report_.nan_samples += findings.samples.nan;
+    report_.least = std::min(report_.least, findings.samples.least);
+    report_.greatest = std::max(report_.greatest, findings.samples.greatest);
+    report_.meets_boundary |= findings.meets_boundary;
+    report_.ambiguous_cells += findings.ambiguous;
+    report_.tunnel_cells += findings.tunnels;
+}
+
+void SlabContour::number_units(int64_t slices) {
+    const size_t isovalues = isovalues_.size();
+    uint64_t triangle = 0;
+    for (size_t u = 0; u < size_t(slices) * isovalues; u += isovalues) {
+        for (size_t s = u; s < u + isovalues; ++s) {
+            if (u == 0 && slab_first_ > 0) slice_units_[s].vertices = 0;  // they came with the layer before
+            slice_units_[s].first_vertex = next_vertex_;
+            next_vertex_ += slice_units_[s].vertices;
+        }
+        if (u == layer_units_.size()) break;
+        for (size_t s = u; s < u + isovalues; ++s) {
+            layer_units_[s].first_vertex = next_vertex_;
+            next_vertex_ += layer_units_[s].vertices;
+            layer_units_[s].first_triangle = triangle;
+            triangle += layer_units_[s].triangles;
+            if (layer_units_[s].triangles > std::numeric_limits<uint32_t>::max())
+                throw Error(ErrorKind::limit, "the surface has more than 4294967295 triangles between two slices");
+        }
+    }
+    if (next_vertex_ > std::numeric_limits<uint32_t>::max())
+        throw Error(ErrorKind::limit, "the surface has more than 4294967295 vertices: take a coarser field, or a part of it");
+}
+
+SlabContour::Part SlabContour::part_of(int64_t first, int64_t end) const {
+    Part part;
+    for (size_t u = unit(first - slab_first_, 0); u < unit(end - slab_first_, 0); ++u) {
+        part.vertices += layer_units_[u].vertices + slice_units_[u + isovalues_.size()].vertices;
+        part.triangles += layer_units_[u].triangles;
+    }
+    if (first == 0)
+        for (size_t s = 0; s < isovalues_.size(); ++s) part.vertices += slice_units_[s].vertices;
+    return part;
+}
+
+void SlabContour::emit(const SlabSamples& samples, int64_t first, int64_t end, const ContourTarget& out) {
+    const auto emit_slice = normals_ ? SlabKernel::emit_slice_plainly
+                                     : kernel_for(level_, SlabKernel::emit_slice_baseline, SlabKernel::emit_slice_avx2,
+                                                  SlabKernel::emit_slice_avx512);
+    const auto emit_layer = normals_ ? SlabKernel::emit_layer_plainly
+                                     : kernel_for(level_, SlabKernel::emit_layer_baseline, SlabKernel::emit_layer_avx2,
+                                                  SlabKernel::emit_layer_avx512);
+    const Unit& layer_unit = layer_units_[unit(first - slab_first_, 0)];
+    const uint64_t first_vertex = first == 0 ? 0 : layer_unit.first_vertex;
+    std::mutex mutex;
+    parallel_blocks(threads_, size_t(end - first), 1, [&](size_t begin, size_t stop) {
+        CutStatistics cuts;
+        for (size_t n = begin; n < stop; ++n) {
+            const int64_t layer = first + int64_t(n) - slab_first_;
+            if (first + int64_t(n) == 0) emit_slice(*this, samples, 0, out, first_vertex, cuts);
+            emit_layer(*this, samples, layer, out, first_vertex, layer_unit.first_triangle, cuts);
+            emit_slice(*this, samples, layer + 1, out, first_vertex, cuts);
+        }
+        const std::lock_guard lock(mutex);
+        report_.clamped_vertices += cuts.clamped;
+        report_.largest_shift_cells = std::max(report_.largest_shift_cells, cuts.largest_shift);
+    });
+}
+
+void SlabContour::for_isovalues(int64_t first, int64_t end, const std::function<void(size_t isovalue, uint64_t vertices)>& use) const {
+    const size_t isovalues = isovalues_.size();
+    if (first == 0)
+        for (size_t s = 0; s < isovalues; ++s) use(s, slice_units_[s].vertices);
+    for (int64_t layer = first; layer < end; ++layer) {
+        const size_t u = unit(layer - slab_first_, 0);
+        for (size_t s = 0; s < isovalues; ++s) use(s, layer_units_[u + s].vertices);
+        for (size_t s = 0; s < isovalues; ++s) use(s, slice_units_[u + isovalues + s].vertices);
+    }
+}
+
+}  // namespace strata
