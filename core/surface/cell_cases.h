@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -73,5 +74,23 @@ private:
     std::vector<Way> ways_;
     std::vector<CellPatch> patches_;
 };
+
+/// The cells among 64 with an ambiguous face, or where all but two opposite corners are alike: plain() has no triangles for them.
+/// corners  [8] whether that corner of each is inside
+inline uint64_t undecided_cells(const std::array<uint64_t, 8>& corners) {
+    uint64_t found = 0;
+    for (const auto& face : kFaceCorners)
+        found |= (corners[face[0]] ^ corners[face[1]]) & (corners[face[1]] ^ corners[face[2]]) & (corners[face[2]] ^ corners[face[3]]);
+    for (size_t one = 0; one < 4; ++one) {
+        uint64_t any = 0, all = ~uint64_t{0};  // of the other six
+        for (size_t other = 0; other < 4; ++other) {
+            if (other == one) continue;
+            any |= corners[other] | corners[7 - other];
+            all &= corners[other] & corners[7 - other];
+        }
+        found |= (corners[one] & corners[7 - one] & ~any) | (~(corners[one] | corners[7 - one]) & all);
+    }
+    return found;
+}
 
 }  // namespace strata

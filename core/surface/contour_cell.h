@@ -32,6 +32,17 @@ constexpr std::array<CellEdge, kCellEdges> make_cell_edges() {
 }
 inline constexpr std::array<CellEdge, kCellEdges> kCellEdge = make_cell_edges();
 
+/// The edges of each case that are crossed, a bit each.
+constexpr std::array<uint16_t, 256> make_crossed_edges() {
+    std::array<uint16_t, 256> crossed{};
+    for (unsigned cell_case = 0; cell_case < 256; ++cell_case)
+        for (unsigned e = 0; e < kCellEdges; ++e)
+            if (((cell_case >> kCellEdge[e].lower ^ cell_case >> kCellEdge[e].upper) & 1) != 0)
+                crossed[cell_case] = uint16_t(crossed[cell_case] | 1u << e);
+    return crossed;
+}
+inline constexpr std::array<uint16_t, 256> kCrossedEdges = make_crossed_edges();
+
 /// Corners of face 2 * axis + side, counterclockwise seen from outside the cell.
 constexpr std::array<std::array<uint8_t, 4>, 6> make_face_corners() {
     std::array<std::array<uint8_t, 4>, 6> faces{};

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -15,29 +16,26 @@ namespace {
 
 constexpr size_t kWord = 64, kLanes = 16;
 
-// Several sums and extremes side by side, which the compiler makes vectors of.
+using Floats = float __attribute__((vector_size(64)));
+using Counts = int32_t __attribute__((vector_size(64)));
+
 inline void add_statistics(const float* samples, size_t n, SampleStatistics& statistics) {
-    std::array<float, kLanes> least, greatest;
-    std::array<uint32_t, kLanes> nan = {};  // of fewer than 2^32 samples
-    least.fill(statistics.least);
-    greatest.fill(statistics.greatest);
-    size_t i = 0;
-    for (; i + kLanes <= n; i += kLanes)
-        for (size_t lane = 0; lane < kLanes; ++lane) {
-            const float v = samples[i + lane];
-            least[lane] = v < least[lane] ? v : least[lane];
-            greatest[lane] = v > greatest[lane] ? v : greatest[lane];
-            nan[lane] += v != v;
-        }
-    for (size_t lane = 0; i < n; ++i, ++lane) {
-        const float v = samples[i];
-        least[lane] = v < least[lane] ? v : least[lane];
-        greatest[lane] = v > greatest[lane] ? v : greatest[lane];
-        nan[lane] += v != v;
-    }
+    Floats least, greatest;
+    Counts nan = {};  // of fewer than 2^31 samples
     for (size_t lane = 0; lane < kLanes; ++lane) {
-        statistics.add({.nan = nan[lane], .least = least[lane], .greatest = greatest[lane]});
+        least[lane] = statistics.least;
+        greatest[lane] = statistics.greatest;
     }
+    const size_t whole = n / kLanes * kLanes;
+    for (size_t i = 0; i < whole; i += kLanes) {
+        Floats v;
+        std::memcpy(&v, samples + i, sizeof v);
+        least = v < least ? v : least;
+        greatest = v > greatest ? v : greatest;
+        nan -= v != v;
+    }
+    for (size_t lane = 0; lane < kLanes; ++lane) statistics.add({.nan = uint64_t(nan[lane]), .least = least[lane], .greatest = greatest[lane]});
+    for (size_t i = whole; i < n; ++i) statistics.add({.nan = samples[i] != samples[i], .least = samples[i], .greatest = samples[i]});
 }
 
 uint64_t plain_word(const float* samples, size_t n, float level, bool below) {

@@ -12,6 +12,7 @@
 #include "core/parallel.h"
 #include "core/simd_target.h"
 #include "core/surface/edge_cut.h"
+#include "core/surface/field_slope.h"
 #include "core/surface/inner_vertex.h"
 
 namespace strata {
@@ -39,14 +40,6 @@ constexpr std::array<std::array<uint32_t, 8>, 256> make_steps() {
     return steps;
 }
 alignas(64) constexpr std::array<std::array<uint32_t, 8>, 256> kSteps = make_steps();
-
-constexpr std::array<uint8_t, 256> make_crossings() {
-    std::array<uint8_t, 256> crossings{};
-    for (unsigned c = 0; c < 256; ++c)
-        for (const CellEdge& edge : kCellEdge) crossings[c] = uint8_t(crossings[c] + (((c >> edge.lower) ^ (c >> edge.upper)) & 1));
-    return crossings;
-}
-constexpr std::array<uint8_t, 256> kCrossings = make_crossings();
 
 // Bits i and i + 1 of a row.
 inline unsigned two_bits(const uint64_t* row, size_t i) {
@@ -94,26 +87,13 @@ struct SlabKernel {
         active[words - 1] &= last_cells(slab);
     }
 
-    // Cells with an ambiguous face, or where all but two opposite corners are alike: plain() has no triangles for them.
     static uint64_t undecided(const Rows& rows, size_t w) {
-        std::array<uint64_t, 8> corner;
+        std::array<uint64_t, 8> corners;
         for (size_t r = 0; r < 4; ++r) {
-            corner[2 * r] = rows[r][w];
-            corner[2 * r + 1] = next_bits(rows[r], w);
+            corners[2 * r] = rows[r][w];
+            corners[2 * r + 1] = next_bits(rows[r], w);
         }
-        uint64_t found = 0;
-        for (const auto& face : kFaceCorners)
-            found |= (corner[face[0]] ^ corner[face[1]]) & (corner[face[1]] ^ corner[face[2]]) & (corner[face[2]] ^ corner[face[3]]);
-        for (size_t one = 0; one < 4; ++one) {
-            uint64_t any = 0, all = ~uint64_t{0};  // of the other six
-            for (size_t other = 0; other < 4; ++other) {
-                if (other == one) continue;
-                any |= corner[other] | corner[7 - other];
-                all &= corner[other] & corner[7 - other];
-            }
-            found |= (corner[one] & corner[7 - one] & ~any) | (~(corner[one] | corner[7 - one]) & all);
-        }
-        return found;
+        return undecided_cells(corners);
     }
 
     // The sample of a row of the padded grid; nullptr: it is outside.
@@ -215,7 +195,7 @@ struct SlabKernel {
                         const unsigned cell_case = case_of(rows, i);
                         const CellDecision decision = cases.decide(
                             cell_case, values_of(slab, samples, slab.isovalues_[s], int64_t(i), j, slab.slab_first_ + layer));
-                        triangles += decision.patch->triangles + 2 - kCrossings[cell_case];
+                        triangles += decision.patch->triangles + 2 - std::popcount(kCrossedEdges[cell_case]);
                         inner += decision.patch->inner;
                         ++findings.ambiguous;
                         findings.tunnels += decision.tunnel;
@@ -247,16 +227,13 @@ struct SlabKernel {
             ++after[size_t(axis)];
             const double low = at[size_t(axis)] > 0 ? double(value(before)) : kOutside;
             const double high = at[size_t(axis)] + 1 < slab.samples_[size_t(axis)] ? double(value(after)) : kOutside;
-            const bool has_low = std::isfinite(low), has_high = std::isfinite(high);
-            slope[axis] = has_low && has_high ? 0.5 * (high - low) : has_high ? high - here : has_low ? here - low : 0.0;
+            slope[axis] = slope_between(low, here, high);
         }
         return slope.allFinite() ? slope : Vec3d::Zero();
     }
 
     static Vec3f normal_of(const SlabContour& slab, const Vec3d& outward) {
-        const Vec3d normal = slab.normal_from_gradient_ * outward;
-        const double length = normal.norm();
-        return length > 0.0 && std::isfinite(length) ? Vec3f((normal / length).cast<float>()) : Vec3f(Vec3f::Zero());
+        return unit_normal(slab.normal_from_gradient_ * outward);
     }
 
     // The normal at t between two samples of the padded grid.

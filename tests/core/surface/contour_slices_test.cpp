@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/math/random.h"
 #include "core/surface/contour.h"
+#include "tests/support/surface_collector.h"
 #include "tests/support/surface_shape.h"
 
 namespace strata {
@@ -36,32 +37,11 @@ private:
     uint32_t reads_ = 0;
 };
 
-class Collector : public SurfaceSink {
-public:
-    void add(const SurfacePiece& piece) override {
-        origin = piece.origin;
-        positions.insert(positions.end(), piece.positions.begin(), piece.positions.end());
-        normals.insert(normals.end(), piece.normals.begin(), piece.normals.end());
-        colors.insert(colors.end(), piece.colors.begin(), piece.colors.end());
-        for (const auto& t : piece.triangles)
-            for (const uint32_t v : t) EXPECT_LT(v, positions.size());  // of this piece or an earlier one
-        triangles.insert(triangles.end(), piece.triangles.begin(), piece.triangles.end());
-        EXPECT_TRUE(piece.quads.empty());
-        ++pieces;
-    }
-
-    Vec3d origin = Vec3d::Zero();
-    std::vector<Vec3f> positions, normals;
-    std::vector<std::array<uint8_t, 4>> colors;
-    std::vector<std::array<uint32_t, 3>> triangles;
-    int pieces = 0;
-};
-
 template <typename T>
 std::string bytes_of(const T* data, size_t size) {
     return {reinterpret_cast<const char*>(data), size * sizeof(T)};
 }
-std::string bytes_of(const Collector& surface) {
+std::string bytes_of(const SurfaceCollector& surface) {
     return bytes_of(surface.positions.data(), surface.positions.size()) + bytes_of(surface.normals.data(), surface.normals.size()) +
            bytes_of(surface.colors.data(), surface.colors.size()) + bytes_of(surface.triangles.data(), surface.triangles.size());
 }
@@ -86,7 +66,7 @@ TEST(ContourSlices, SameBytesWhateverTheMemory) {
         for (const uint64_t memory : {uint64_t{1} << 30, uint64_t{1} << 21, uint64_t{1} << 20, uint64_t{400000}}) {
             settings.memory_bytes = memory;
             GridSlices source(grid);
-            Collector sink;
+            SurfaceCollector sink;
             const ContourReport report = contour_slices(source, settings, sink);
             EXPECT_EQ(source.slices_read(), 90u);
             const std::string bytes = bytes_of(sink);
@@ -118,7 +98,7 @@ TEST(ContourSlices, SameBytesAsTheGridInMemory) {
     const ScalarGrid grid = smooth_grid({40, 41, 42});
     const ContourSettings settings{.isovalues = {0.0}, .normals = true, .memory_bytes = 300000};
     GridSlices source(grid);
-    Collector sink;
+    SurfaceCollector sink;
     contour_slices(source, settings, sink);
     ContourMesh mesh;
     contour_grid(grid.placement, grid.size, grid.values, settings, mesh);
@@ -130,7 +110,7 @@ TEST(ContourSlices, ColorsAreThoseOfTheirIsovalue) {
     const ScalarGrid grid = smooth_grid({30, 30, 30});
     const ContourSettings settings{.isovalues = {0.3, -0.3}, .colors = {{1, 2, 3, 4}, {5, 6, 7, 8}}, .memory_bytes = 100000};
     GridSlices source(grid);
-    Collector sink;
+    SurfaceCollector sink;
     contour_slices(source, settings, sink);
     std::array<uint64_t, 2> vertices = {0, 0};
     for (const auto& t : sink.triangles) EXPECT_TRUE(sink.colors[t[0]] == sink.colors[t[1]] && sink.colors[t[1]] == sink.colors[t[2]]);
@@ -144,7 +124,7 @@ TEST(ContourSlices, ColorsAreThoseOfTheirIsovalue) {
 TEST(ContourSlices, RefusesTooLittleMemoryWithTheNumberNeeded) {
     const ScalarGrid grid = smooth_grid({100, 100, 10});
     GridSlices source(grid);
-    Collector sink;
+    SurfaceCollector sink;
     try {
         contour_slices(source, {.memory_bytes = 50000}, sink);
         FAIL();
@@ -159,7 +139,7 @@ TEST(ContourSlices, NoCellsNoPieces) {
     for (const std::array<uint32_t, 3>& size : {std::array<uint32_t, 3>{20, 20, 1}, {1, 20, 20}, {0, 0, 0}}) {
         ScalarGrid grid{.placement = {}, .size = size, .values = std::vector<float>(size_t(size[0]) * size[1] * size[2], 1.0f)};
         GridSlices source(grid);
-        Collector sink;
+        SurfaceCollector sink;
         EXPECT_EQ(contour_slices(source, {}, sink).triangles, 0u);
         EXPECT_EQ(sink.pieces, 0);
     }

@@ -1,0 +1,591 @@
+#include <Eigen/LU>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "core/surface/cell_cases.h"
+#include "core/surface/contour.h"
+#include "core/surface/edge_cut.h"
+#include "core/surface/field_slope.h"
+#include "core/surface/inner_vertex.h"
+#include "core/surface/sample_masks.h"
+
+namespace strata {
+namespace {
+
+constexpr int kSide = kFieldBrickSide;
+constexpr size_t kBlock = 32;  // bricks that a thread takes at a time
+using Corner = std::array<int32_t, 2>;
+
+bool comes_before(const Corner& a, const Corner& b) { return a[1] != b[1] ? a[1] < b[1] : a[0] < b[0]; }
+
+// Samples of a layer and, for every isovalue, which of them are inside: a word a plane of constant k, bit 8 j + i.
+struct Samples {
+    FieldBrickLayer layer;
+    std::vector<std::array<uint64_t, kSide>> masks;  // [isovalue * bricks + brick]
+};
+
+// The surface in the cells whose least corner is in a brick's place, and on the edges that begin at its samples.
+struct Part {
+    std::array<std::array<uint64_t, kSide>, 3> crossed;  // edges along i, j, k: [axis][plane]
+    std::array<std::array<uint32_t, kSide>, 3> first;    // the number of the first vertex on those
+    uint32_t first_inner = 0, inner = 0;
+    uint64_t first_triangle = 0;
+    uint32_t triangles = 0;
+};
+
+// The bricks with cells of one layer: those that hold samples and those just below them along any axes.
+struct Cells {
+    int32_t k = 0;
+    std::vector<Corner> corners;
+    std::vector<std::array<int32_t, 8>> samples;  // [corners] the bricks at + (n & 1, n >> 1 & 1, n >> 2) in their layers; -1 - n: constants[n]
+    std::vector<float> constants;                 // of bricks that are not given
+    std::vector<Part> parts;                      // [isovalue * corners + brick]
+};
+
+// Finds corners in a sorted list, asked for in ascending order.
+class Finder {
+public:
+    explicit Finder(const std::vector<Corner>* corners) : corners_(corners) {}
+
+    int32_t find(const Corner& wanted) {
+        if (corners_ == nullptr) return -1;
+        while (at_ < corners_->size() && comes_before((*corners_)[at_], wanted)) ++at_;
+        return at_ < corners_->size() && (*corners_)[at_] == wanted ? int32_t(at_) : -1;
+    }
+
+private:
+    const std::vector<Corner>* corners_;
+    size_t at_ = 0;
+};
+
+Corner moved(const Corner& corner, int32_t bricks_i, int32_t bricks_j) { return {corner[0] + kSide * bricks_i, corner[1] + kSide * bricks_j}; }
+
+std::vector<Corner> united(const std::vector<Corner>& a, const std::vector<Corner>& b) {
+    std::vector<Corner> all;
+    all.reserve(a.size() + b.size());
+    std::set_union(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(all), comes_before);
+    return all;
+}
+std::vector<Corner> all_moved(std::vector<Corner> corners, int32_t bricks_i, int32_t bricks_j) {
+    for (Corner& corner : corners) corner = moved(corner, bricks_i, bricks_j);
+    return corners;
+}
+
+constexpr uint64_t kFirstColumn = 0x0101010101010101, kLastColumn = kFirstColumn << 7;
+uint64_t along_i(uint64_t plane, uint64_t next) { return (plane >> 1 & ~kLastColumn) | (next & kFirstColumn) << 7; }
+uint64_t along_j(uint64_t plane, uint64_t next) { return plane >> 8 | next << 56; }
+
+class BrickContour {
+public:
+    BrickContour(FieldBrickSource& source, const ContourSettings& settings, SurfaceSink& sink)
+        : source_(source),
+          settings_(settings),
+          sink_(sink),
+          below_(settings.inside == ContourInside::below),
+          mirrored_(source.placement().is_mirrored()),
+          axes_{source.placement().axes.col(0), source.placement().axes.col(1), source.placement().axes.col(2)},
+          normal_from_gradient_(source.placement().axes.inverse().transpose()) {
+        if (!settings.colors.empty() && settings.colors.size() != settings.isovalues.size())
+            throw Error(ErrorKind::usage, std::to_string(settings.isovalues.size()) + " isovalues have " + std::to_string(settings.colors.size()) + " colors");
+        for (const double isovalue : settings.isovalues) {
+            if (!std::isfinite(isovalue)) throw Error(ErrorKind::usage, "an isovalue is not finite");
+            levels_.push_back(level_of(isovalue, below_));
+        }
+    }
+
+    ContourReport run() {
+        if (settings_.isovalues.empty()) return report_;
+        read_to(std::numeric_limits<int32_t>::min());
+        if (window_.empty()) return report_;
+        first_k_ = window_.front().layer.k;
+        first_corner_ = window_.front().layer.corners.front();
+        origin_ = source_.placement().world_from_index(Vec3d(first_corner_[0], first_corner_[1], first_k_));
+
+        std::optional<Cells> cells, above;
+        for (int32_t k = first_k_ - kSide;;) {
+            read_to(k + 2 * kSide);
+            if (!cells) {
+                cells = make_cells(k);
+                if (cells && crosses_early(*cells)) refuse_absent(*cells);  // no layer was before that it could have come with
+            }
+            above = make_cells(k + kSide);
+            if (cells) pass_on(*cells, above ? &*above : nullptr);
+            cells = std::move(above);
+            while (!window_.empty() && window_.front().layer.k < k) window_.pop_front();  // k itself is below the next: slopes ask for it
+            if (cells) {
+                k += kSide;
+                continue;
+            }
+            const auto next = std::find_if(window_.begin(), window_.end(), [&](const Samples& samples) { return samples.layer.k > k + kSide; });
+            if (next == window_.end()) break;
+            k = next->layer.k - kSide;
+        }
+        return report_;
+    }
+
+private:
+    // Reads layers until one at k or above is there, or there is no more.
+    void read_to(int32_t k) {
+        while (!ended_ && (window_.empty() || window_.back().layer.k < k)) {
+            Samples samples;
+            if (!source_.next_layer(samples.layer)) {
+                ended_ = true;
+                break;
+            }
+            const FieldBrickLayer& layer = samples.layer;
+            const auto out_of_place = [](int32_t c) { return c % kSide != 0 || std::abs(int64_t{c}) > int64_t{1} << 30; };
+            const bool in_order = window_.empty() ? last_k_ < layer.k : window_.back().layer.k < layer.k;
+            if (!in_order || out_of_place(layer.k)) throw Error(ErrorKind::malformed, "a layer of bricks at k = " + std::to_string(layer.k) + " is out of order or place");
+            if (layer.values.size() != layer.corners.size() * kFieldBrickSamples)
+                throw Error(ErrorKind::malformed, std::to_string(layer.corners.size()) + " bricks have " + std::to_string(layer.values.size()) + " samples");
+            for (size_t b = 0; b < layer.corners.size(); ++b)
+                if (out_of_place(layer.corners[b][0]) || out_of_place(layer.corners[b][1]) || (b > 0 && !comes_before(layer.corners[b - 1], layer.corners[b])))
+                    throw Error(ErrorKind::malformed, "a brick at (" + std::to_string(layer.corners[b][0]) + ", " + std::to_string(layer.corners[b][1]) + ", " + std::to_string(layer.k) + ") is out of order or place");
+            last_k_ = layer.k;
+            if (layer.corners.empty()) continue;
+            find_masks(samples);
+            window_.push_back(std::move(samples));
+        }
+    }
+
+    void find_masks(Samples& samples) {
+        const size_t bricks = samples.layer.corners.size();
+        samples.masks.resize(levels_.size() * bricks);
+        std::mutex mutex;
+        SampleStatistics all;
+        parallel_blocks(settings_.threads, bricks, kBlock, [&](size_t begin, size_t end) {
+            SampleStatistics found;
+            std::vector<uint64_t*> words(levels_.size());
+            for (size_t b = begin; b < end; ++b) {
+                for (size_t s = 0; s < levels_.size(); ++s) words[s] = samples.masks[s * bricks + b].data();
+                find_inside({samples.layer.values.data() + b * kFieldBrickSamples, kFieldBrickSamples}, levels_, below_, words.data(), found, simd_level_);
+            }
+            const std::lock_guard lock(mutex);
+            all.add(found);
+        });
+        report_.nan_samples += all.nan;
+        report_.least = std::min(report_.least, all.least);
+        report_.greatest = std::max(report_.greatest, all.greatest);
+    }
+
+    const Samples* samples_at(int32_t k) const {
+        for (const Samples& samples : window_)
+            if (samples.layer.k == k) return &samples;
+        return nullptr;
+    }
+
+    // What the cells of a brick's place see: samples of the brick and of the seven around its upper side.
+    struct View {
+        std::array<const float*, 8> values;
+        std::array<unsigned, 8> reach;  // of indices: 0 where all samples are one
+        Vec3d start;  // in the world, less the origin: of its least sample
+        std::array<int64_t, 3> least;  // of its samples
+
+        double at(unsigned i, unsigned j, unsigned k) const {  // each 0 to 8
+            const unsigned brick = i >> 3 | j >> 3 << 1 | k >> 3 << 2;
+            return double(values[brick][(((k & 7) * kSide + (j & 7)) * kSide + (i & 7)) & reach[brick]]);
+        }
+    };
+
+    View view_of(const Cells& cells, size_t brick) const {
+        View view;
+        const std::array<const Samples*, 2> layers = {samples_at(cells.k), samples_at(cells.k + kSide)};
+        for (size_t n = 0; n < 8; ++n) {
+            const int32_t there = cells.samples[brick][n];
+            view.values[n] = there < 0 ? &cells.constants[size_t(-1 - there)] : layers[n >> 2]->layer.values.data() + size_t(there) * kFieldBrickSamples;
+            view.reach[n] = there < 0 ? 0 : kFieldBrickSamples - 1;
+        }
+        view.least = {cells.corners[brick][0], cells.corners[brick][1], cells.k};
+        view.start = double(view.least[0] - first_corner_[0]) * axes_[0] + double(view.least[1] - first_corner_[1]) * axes_[1] + double(view.least[2] - first_k_) * axes_[2];
+        return view;
+    }
+
+    CellValues values_of(const View& view, double isovalue, unsigned i, unsigned j, unsigned k) const {
+        CellValues values;
+        for (unsigned c = 0; c < 8; ++c) {
+            const double v = view.at(i + (c & 1), j + (c >> 1 & 1), k + (c >> 2));
+            values[c] = below_ ? isovalue - v : v - isovalue;
+        }
+        return values;
+    }
+
+    // The samples of plane k, 0 to 8, that the corners of a brick's cells with that k lie in.
+    std::array<uint64_t, 4> corners_of(const Cells& cells, const std::array<const Samples*, 2>& layers, size_t isovalue, size_t brick, int k) const {
+        std::array<uint64_t, 4> words;
+        for (size_t n = 0; n < 4; ++n) {
+            const size_t upper = size_t(k) / kSide;
+            const int32_t there = cells.samples[brick][4 * upper + n];
+            words[n] = there < 0 ? mask_of(cells.constants[size_t(-1 - there)], isovalue)
+                                 : layers[upper]->masks[isovalue * layers[upper]->layer.corners.size() + size_t(there)][size_t(k) % kSide];
+        }
+        const uint64_t up = along_j(words[0], words[2]), up_next = along_j(words[1], words[3]);
+        return {words[0], along_i(words[0], words[1]), up, along_i(up, up_next)};
+    }
+
+    uint64_t mask_of(float constant, size_t isovalue) const {
+        const bool inside = below_ ? constant <= levels_[isovalue] : constant >= levels_[isovalue];
+        return inside ? ~uint64_t{0} : 0;
+    }
+
+    std::optional<Cells> make_cells(int32_t k) {
+        const std::array<const Samples*, 2> layers = {samples_at(k), samples_at(k + kSide)};
+        if (layers[0] == nullptr && layers[1] == nullptr) return std::nullopt;
+        Cells cells{.k = k, .corners = {}, .samples = {}, .parts = {}};
+        for (const Samples* layer : layers)
+            if (layer != nullptr) cells.corners = united(cells.corners, layer->layer.corners);
+        cells.corners = united(cells.corners, all_moved(cells.corners, -1, 0));
+        cells.corners = united(cells.corners, all_moved(cells.corners, 0, -1));
+        const size_t bricks = cells.corners.size();
+        cells.samples.resize(bricks);
+        for (size_t n = 0; n < 8; ++n) {
+            const Samples* const layer = layers[n >> 2];
+            Finder finder(layer != nullptr ? &layer->layer.corners : nullptr);
+            for (size_t b = 0; b < bricks; ++b) {
+                const Corner corner = moved(cells.corners[b], int32_t(n & 1), int32_t(n >> 1 & 1));
+                const int32_t found = finder.find(corner);
+                cells.samples[b][n] = found >= 0 ? found : constant_of(cells, source_.absent_value({corner[0], corner[1], k + (n < 4 ? 0 : kSide)}));
+            }
+        }
+        cells.parts.resize(levels_.size() * bricks);
+        std::mutex mutex;
+        parallel_blocks(settings_.threads, bricks, kBlock, [&](size_t begin, size_t end) {
+            uint64_t ambiguous = 0, tunnels = 0;
+            for (size_t s = 0; s < levels_.size(); ++s)
+                for (size_t b = begin; b < end; ++b) count(cells, layers, s, b, ambiguous, tunnels);
+            const std::lock_guard lock(mutex);
+            report_.ambiguous_cells += ambiguous;
+            report_.tunnel_cells += tunnels;
+        });
+        return cells;
+    }
+
+    // Most neighbors have the value of the one before; there may be many values.
+    static int32_t constant_of(Cells& cells, float value) {
+        if (cells.constants.empty() || std::bit_cast<uint32_t>(cells.constants.back()) != std::bit_cast<uint32_t>(value)) cells.constants.push_back(value);
+        return -int32_t(cells.constants.size());
+    }
+
+    static std::array<uint64_t, 8> corner_words(const std::array<uint64_t, 4>& low, const std::array<uint64_t, 4>& high) {
+        return {low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]};
+    }
+    static uint64_t active_cells(const std::array<uint64_t, 8>& corner) {
+        uint64_t any = 0, all = ~uint64_t{0};
+        for (const uint64_t word : corner) {
+            any |= word;
+            all &= word;
+        }
+        return any & ~all;
+    }
+
+    void count(Cells& cells, const std::array<const Samples*, 2>& layers, size_t isovalue, size_t brick, uint64_t& ambiguous, uint64_t& tunnels) const {
+        Part& part = cells.parts[isovalue * cells.corners.size() + brick];
+        std::array<uint64_t, 4> low = corners_of(cells, layers, isovalue, brick, 0);
+        int64_t triangles = 0;
+        std::optional<View> view;
+        for (int k = 0; k < kSide; ++k) {
+            const std::array<uint64_t, 4> high = corners_of(cells, layers, isovalue, brick, k + 1);
+            const std::array<uint64_t, 8> corner = corner_words(low, high);
+            for (size_t axis = 0; axis < 3; ++axis) part.crossed[axis][size_t(k)] = corner[0] ^ corner[size_t(1) << axis];
+            if (const uint64_t active = active_cells(corner); active != 0) {
+                // As many triangles as crossings, less two for each loop of them; a plain cell has one.
+                for (const CellEdge& edge : kCellEdge) triangles += std::popcount(corner[edge.lower] ^ corner[edge.upper]);
+                triangles -= 2 * std::popcount(active);
+                for (uint64_t left = undecided_cells(corner); left != 0; left &= left - 1) {
+                    const auto bit = unsigned(std::countr_zero(left));
+                    unsigned cell_case = 0;
+                    for (unsigned c = 0; c < 8; ++c) cell_case |= unsigned(corner[c] >> bit & 1) << c;
+                    if (!view) view = view_of(cells, brick);
+                    const CellDecision decision = CellCases::get().decide(cell_case, values_of(*view, settings_.isovalues[isovalue], bit & 7, bit >> 3, unsigned(k)));
+                    triangles += decision.patch->triangles + 2 - std::popcount(kCrossedEdges[cell_case]);
+                    part.inner += decision.patch->inner;
+                    ++ambiguous;
+                    tunnels += decision.tunnel;
+                }
+            }
+            low = high;
+        }
+        part.triangles = uint32_t(triangles);
+    }
+
+    // Vertices on edges along i and j in the least plane of a layer's bricks come with the layer before.
+    static bool comes_early(size_t axis, size_t plane) { return axis < 2 && plane == 0; }
+
+    static bool crosses_early(const Cells& cells) {
+        return std::any_of(cells.parts.begin(), cells.parts.end(), [](const Part& part) { return (part.crossed[0][0] | part.crossed[1][0]) != 0; });
+    }
+
+    template <typename Use>
+    void for_vertices(Cells& cells, size_t isovalue, bool early, const Use& use) {
+        const size_t bricks = cells.corners.size();
+        for (size_t b = 0; b < bricks; ++b) {
+            Part& part = cells.parts[isovalue * bricks + b];
+            for (size_t plane = 0; plane < kSide; ++plane)
+                for (size_t axis = 0; axis < 3; ++axis)
+                    if (comes_early(axis, plane) == early) use(part.first[axis][plane], uint32_t(std::popcount(part.crossed[axis][plane])));
+            if (!early) use(part.first_inner, part.inner);
+        }
+    }
+
+    void pass_on(Cells& cells, Cells* above) {
+        const uint64_t before = report_.vertices;
+        uint64_t next = before, triangles = 0;
+        const auto number = [&](uint32_t& first, uint32_t count) {
+            first = uint32_t(next);
+            next += count;
+        };
+        std::vector<uint64_t> ends;  // of the vertices of each isovalue: first those of the cells, then the early ones of the next
+        for (size_t s = 0; s < levels_.size(); ++s) {
+            for_vertices(cells, s, false, number);
+            ends.push_back(next);
+        }
+        for (size_t s = 0; s < levels_.size() && above != nullptr; ++s) {
+            for_vertices(*above, s, true, number);
+            ends.push_back(next);
+        }
+        if (next > std::numeric_limits<uint32_t>::max())
+            throw Error(ErrorKind::limit, "the surface has more than 4294967295 vertices: take a coarser field, or a part of it");
+        for (Part& part : cells.parts) {
+            part.first_triangle = triangles;
+            triangles += part.triangles;
+        }
+        if (next == before && triangles == 0) return;
+        check_memory(cells, above, next - before, triangles);
+
+        const auto vertices = size_t(next - before);
+        reserve(positions_, vertices);
+        if (settings_.normals) reserve(normals_, vertices);
+        reserve(triangles_, size_t(triangles));
+        const size_t bricks = cells.corners.size();
+        neighbors_ = neighbors_of(cells, above);
+        std::mutex mutex;
+        const auto keep = [&](const CutStatistics& cuts) {
+            const std::lock_guard lock(mutex);
+            report_.clamped_vertices += cuts.clamped;
+            report_.largest_shift_cells = std::max(report_.largest_shift_cells, cuts.largest_shift);
+        };
+        parallel_blocks(settings_.threads, bricks, kBlock, [&](size_t begin, size_t end) {
+            CutStatistics cuts;
+            for (size_t b = begin; b < end; ++b)
+                for (size_t s = 0; s < levels_.size(); ++s) {
+                    put_vertices(cells, s, b, false, before, cuts);
+                    put_triangles(cells, above, s, b, before);
+                }
+            keep(cuts);
+        });
+        if (above != nullptr)
+            parallel_blocks(settings_.threads, above->corners.size(), kBlock, [&](size_t begin, size_t end) {
+                CutStatistics cuts;
+                for (size_t b = begin; b < end; ++b)
+                    for (size_t s = 0; s < levels_.size(); ++s) put_vertices(*above, s, b, true, before, cuts);
+                keep(cuts);
+            });
+
+        colors_.clear();
+        if (!settings_.colors.empty())
+            for (size_t n = 0; n < ends.size(); ++n) colors_.resize(size_t(ends[n] - before), settings_.colors[n % levels_.size()]);
+        report_.vertices = next;
+        report_.triangles += triangles;
+        sink_.add({.origin = origin_,
+                   .positions = {positions_.data(), vertices},
+                   .normals = {normals_.data(), settings_.normals ? vertices : 0},
+                   .colors = colors_,
+                   .triangles = {triangles_.data(), size_t(triangles)},
+                   .quads = {}});
+    }
+
+    void check_memory(const Cells& cells, const Cells* above, uint64_t vertices, uint64_t triangles) const {
+        uint64_t bytes = vertices * sizeof(Vec3f) * (settings_.normals ? 2 : 1) + triangles * sizeof(std::array<uint32_t, 3>);
+        bytes += vertices * (settings_.colors.empty() ? 0 : sizeof settings_.colors[0]);
+        for (const Samples& samples : window_)
+            bytes += samples.layer.values.size() * sizeof(float) + samples.masks.size() * sizeof samples.masks[0];
+        for (const Cells* layer : {&cells, above})
+            if (layer != nullptr)
+                bytes += layer->corners.size() * (sizeof layer->corners[0] + 2 * sizeof layer->samples[0]) + layer->parts.size() * sizeof(Part);
+        if (bytes > settings_.memory_bytes)
+            throw Error(ErrorKind::limit, "a layer of bricks and the surface in it need " + std::to_string(bytes) + " bytes of memory, " +
+                                              std::to_string(settings_.memory_bytes) + " are allowed");
+    }
+
+    // The places of cells around the upper side of each, as `samples` of Cells.
+    static std::vector<std::array<int32_t, 8>> neighbors_of(const Cells& cells, const Cells* above) {
+        std::vector<std::array<int32_t, 8>> neighbors(cells.corners.size());
+        for (size_t n = 0; n < 8; ++n) {
+            Finder finder(n < 4 ? &cells.corners : above != nullptr ? &above->corners : nullptr);
+            for (size_t b = 0; b < neighbors.size(); ++b) neighbors[b][n] = finder.find(moved(cells.corners[b], int32_t(n & 1), int32_t(n >> 1 & 1)));
+        }
+        return neighbors;
+    }
+
+    void put(uint64_t number, const Vec3d& position) { positions_[number] = {float(position.x()), float(position.y()), float(position.z())}; }
+
+    void put_vertices(const Cells& cells, size_t isovalue, size_t brick, bool early, uint64_t before, CutStatistics& cuts) {
+        const Part& part = cells.parts[isovalue * cells.corners.size() + brick];
+        const double level = settings_.isovalues[isovalue];
+        uint64_t any = 0;
+        for (size_t axis = 0; axis < 3; ++axis)
+            for (size_t plane = 0; plane < kSide; ++plane) any |= comes_early(axis, plane) == early ? part.crossed[axis][plane] : 0;
+        if (any == 0) return;
+        const View view = view_of(cells, brick);
+        for (size_t plane = 0; plane < kSide; ++plane)
+            for (size_t axis = 0; axis < 3; ++axis) {
+                if (comes_early(axis, plane) != early) continue;
+                uint64_t number = part.first[axis][plane] - before;
+                for (uint64_t left = part.crossed[axis][plane]; left != 0; left &= left - 1, ++number) {
+                    const auto bit = unsigned(std::countr_zero(left));
+                    const unsigned i = bit & 7, j = bit >> 3, k = unsigned(plane);
+                    const double t = cut_edge(view.at(i, j, k), view.at(i + (axis == 0), j + (axis == 1), k + (axis == 2)), level, cuts);
+                    put(number, view.start + double(i) * axes_[0] + double(j) * axes_[1] + double(k) * axes_[2] + t * axes_[axis]);
+                    if (!settings_.normals) continue;
+                    std::array<int, 3> upper = {int(i), int(j), int(k)};
+                    ++upper[axis];
+                    const Vec3d slope = (1.0 - t) * slope_at(view, {int(i), int(j), int(k)}) + t * slope_at(view, upper);
+                    normals_[number] = normal_of(below_ ? slope : Vec3d(-slope));
+                }
+            }
+    }
+
+    // A sample near a brick's place.
+    double value_at(const View& view, const std::array<int, 3>& at) const {
+        if (std::all_of(at.begin(), at.end(), [](int c) { return c >= 0 && c <= kSide; })) return view.at(unsigned(at[0]), unsigned(at[1]), unsigned(at[2]));
+        const auto brick_of = [](int64_t c) { return int32_t(c & ~int64_t{kSide - 1}); };
+        const std::array<int64_t, 3> p = {view.least[0] + at[0], view.least[1] + at[1], view.least[2] + at[2]};
+        const Corner corner = {brick_of(p[0]), brick_of(p[1])};
+        const auto absent = [&] { return double(source_.absent_value({corner[0], corner[1], brick_of(p[2])})); };
+        const Samples* const samples = samples_at(brick_of(p[2]));
+        if (samples == nullptr) return absent();
+        const auto& corners = samples->layer.corners;
+        const auto found = std::lower_bound(corners.begin(), corners.end(), corner, comes_before);
+        if (found == corners.end() || *found != corner) return absent();
+        const auto in_brick = [](int64_t c) { return size_t(c & (kSide - 1)); };
+        return double(samples->layer.values[size_t(found - corners.begin()) * kFieldBrickSamples + (in_brick(p[2]) * kSide + in_brick(p[1])) * kSide + in_brick(p[0])]);
+    }
+
+    Vec3d slope_at(const View& view, const std::array<int, 3>& at) const {
+        const double here = value_at(view, at);
+        Vec3d slope = Vec3d::Zero();
+        for (size_t axis = 0; axis < 3; ++axis) {
+            std::array<int, 3> before = at, after = at;
+            --before[axis];
+            ++after[axis];
+            slope[int(axis)] = slope_between(value_at(view, before), here, value_at(view, after));
+        }
+        return slope.allFinite() ? slope : Vec3d::Zero();
+    }
+
+    Vec3f normal_of(const Vec3d& outward) const { return unit_normal(normal_from_gradient_ * outward); }
+
+    void put_triangles(const Cells& cells, const Cells* above, size_t isovalue, size_t brick, uint64_t before) {
+        const Part& part = cells.parts[isovalue * cells.corners.size() + brick];
+        if (part.triangles == 0) return;
+        const CellCases& cases = CellCases::get();
+        const CellCases::Plain& plain = cases.plain(mirrored_);
+        const std::array<const Samples*, 2> layers = {samples_at(cells.k), samples_at(cells.k + kSide)};
+        std::array<const Part*, 8> around;
+        for (size_t n = 0; n < 8; ++n) {
+            const Cells* const there = n < 4 ? &cells : above;
+            const int32_t at = neighbors_[brick][n];
+            around[n] = at < 0 ? nullptr : &there->parts[isovalue * there->corners.size() + size_t(at)];
+        }
+        const auto vertex_on = [&](size_t e, unsigned i, unsigned j, unsigned k) {
+            const CellEdge& edge = kCellEdge[e];
+            i += edge.lower & 1;
+            j += edge.lower >> 1 & 1;
+            k += edge.lower >> 2;
+            const Part* const place = around[i >> 3 | j >> 3 << 1 | k >> 3 << 2];
+            if (place == nullptr) refuse_absent(cells);
+            const Part& owner = *place;
+            const uint64_t row = owner.crossed[edge.axis][k & 7];
+            return owner.first[edge.axis][k & 7] + uint32_t(std::popcount(row & ((uint64_t{1} << ((j & 7) * 8 + (i & 7))) - 1)));
+        };
+
+        std::array<uint32_t, kCellEdges + CellPatch::kMostInner> ids = {};
+        std::array<uint32_t, 3>* triangle = triangles_.data() + part.first_triangle;
+        uint32_t inner = part.first_inner;
+        std::optional<View> view;
+        std::array<uint64_t, 4> low = corners_of(cells, layers, isovalue, brick, 0);
+        for (unsigned k = 0; k < kSide; ++k) {
+            const std::array<uint64_t, 4> high = corners_of(cells, layers, isovalue, brick, int(k) + 1);
+            const std::array<uint64_t, 8> corner = corner_words(low, high);
+            low = high;
+            for (uint64_t left = active_cells(corner); left != 0; left &= left - 1) {
+                const auto bit = unsigned(std::countr_zero(left));
+                const unsigned i = bit & 7, j = bit >> 3;
+                unsigned cell_case = 0;
+                for (unsigned c = 0; c < 8; ++c) cell_case |= unsigned(corner[c] >> bit & 1) << c;
+                for (unsigned crossed = kCrossedEdges[cell_case]; crossed != 0; crossed &= crossed - 1) {
+                    const auto e = size_t(std::countr_zero(crossed));
+                    ids[e] = vertex_on(e, i, j, k);
+                }
+                const uint8_t count = plain.triangles[cell_case];
+                if (count != CellCases::kUndecided) {
+                    const auto& vertices = plain.vertices[cell_case];
+                    for (size_t t = 0; t < count; ++t) *triangle++ = {ids[vertices[3 * t]], ids[vertices[3 * t + 1]], ids[vertices[3 * t + 2]]};
+                    continue;
+                }
+                if (!view) view = view_of(cells, brick);
+                const CellValues values = values_of(*view, settings_.isovalues[isovalue], i, j, k);
+                const CellPatch& patch = *cases.decide(cell_case, values).patch;
+                for (size_t n = 0; n < patch.inner; ++n) {
+                    const Vec3d p_cell = place_inner_vertex(values, patch.inner_edges[n]);
+                    const uint64_t at = inner - before;
+                    put(at, view->start + (i + p_cell.x()) * axes_[0] + (j + p_cell.y()) * axes_[1] + (k + p_cell.z()) * axes_[2]);
+                    if (settings_.normals) normals_[at] = normal_of(-inside_slope(values, p_cell));
+                    ids[kCellEdges + n] = inner++;
+                }
+                for (size_t t = 0; t < patch.triangles; ++t) {
+                    *triangle = {ids[patch.vertices[3 * t]], ids[patch.vertices[3 * t + 1]], ids[patch.vertices[3 * t + 2]]};
+                    if (mirrored_) std::swap((*triangle)[0], (*triangle)[2]);
+                    ++triangle;
+                }
+            }
+        }
+    }
+
+    [[noreturn]] static void refuse_absent(const Cells& cells) {
+        throw Error(ErrorKind::malformed, "bricks near k = " + std::to_string(cells.k) + " touch, have different values and are not given");
+    }
+
+    template <typename T>
+    static void reserve(LargeArray<T>& array, size_t size) {
+        if (array.size() < size) array = LargeArray<T>(size);
+    }
+
+    FieldBrickSource& source_;
+    const ContourSettings& settings_;
+    SurfaceSink& sink_;
+    const SimdLevel simd_level_ = best_simd_level();
+    bool below_, mirrored_;
+    std::array<Vec3d, 3> axes_;
+    Mat3d normal_from_gradient_;
+    std::vector<float> levels_;
+
+    std::deque<Samples> window_;  // of layers, ascending
+    bool ended_ = false;
+    int32_t last_k_ = std::numeric_limits<int32_t>::min();
+    int32_t first_k_ = 0;
+    Corner first_corner_ = {0, 0};
+    Vec3d origin_ = Vec3d::Zero();
+
+    std::vector<std::array<int32_t, 8>> neighbors_;  // of the cells passed on
+    LargeArray<Vec3f> positions_, normals_;
+    LargeArray<std::array<uint32_t, 3>> triangles_;
+    std::vector<std::array<uint8_t, 4>> colors_;
+    ContourReport report_;
+};
+
+}  // namespace
+
+ContourReport contour_bricks(FieldBrickSource& source, const ContourSettings& settings, SurfaceSink& sink) {
+    return BrickContour(source, settings, sink).run();
+}
+
+}  // namespace strata

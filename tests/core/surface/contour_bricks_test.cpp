@@ -1,0 +1,276 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <string>
+
+#include "core/error.h"
+#include "core/math/random.h"
+#include "core/surface/contour.h"
+#include "tests/support/surface_collector.h"
+#include "tests/support/surface_shape.h"
+
+namespace strata {
+namespace {
+
+using Place = std::array<int32_t, 3>;
+
+int32_t brick_of(int32_t c) { return c & ~(kFieldBrickSide - 1); }
+
+// Bricks of a function; those that `wanted` does not name are constant.
+class FunctionBricks : public FieldBrickSource {
+public:
+    FunctionBricks(GridPlacement placement, Place least, Place end, std::function<float(const Place&)> value, std::function<bool(const Place&)> wanted, std::function<float(const Place&)> absent)
+        : placement_(placement), least_(least), end_(end), value_(std::move(value)), wanted_(std::move(wanted)), absent_(std::move(absent)), k_(least[2]) {}
+
+    const GridPlacement& placement() const override { return placement_; }
+    float background() const override { return absent_(least_); }
+    float absent_value(const Place& corner) const override { return absent_(corner); }
+    bool next_layer(FieldBrickLayer& out) override {
+        for (; k_ < end_[2]; k_ += kFieldBrickSide) {
+            out = {.k = k_, .corners = {}, .values = {}};
+            for (int32_t j = least_[1]; j < end_[1]; j += kFieldBrickSide)
+                for (int32_t i = least_[0]; i < end_[0]; i += kFieldBrickSide) {
+                    if (!wanted_({i, j, k_})) continue;
+                    out.corners.push_back({i, j});
+                    for (int32_t z = 0; z < 8; ++z)
+                        for (int32_t y = 0; y < 8; ++y)
+                            for (int32_t x = 0; x < 8; ++x) out.values.push_back(value_({i + x, j + y, k_ + z}));
+                }
+            if (out.corners.empty()) continue;
+            k_ += kFieldBrickSide;
+            return true;
+        }
+        return false;
+    }
+
+private:
+    GridPlacement placement_;
+    Place least_, end_;
+    std::function<float(const Place&)> value_;
+    std::function<bool(const Place&)> wanted_;
+    std::function<float(const Place&)> absent_;
+    int32_t k_;
+};
+
+GridPlacement leaning_placement(bool mirrored) {
+    GridPlacement placement{.origin = {1000.0, -20.0, 7.0}, .axes = Mat3d::Identity()};
+    placement.axes.col(0) = Vec3d(0.8, 0.1, 0.0);
+    placement.axes.col(1) = Vec3d(-0.2, 1.3, 0.3);
+    placement.axes.col(2) = Vec3d(0.1, 0.0, mirrored ? -0.5 : 0.5);
+    return placement;
+}
+
+// A narrow band of distances to a sphere: bricks that hold a sample of it, constants of half the band's width elsewhere.
+FunctionBricks sphere_band(const GridPlacement& placement, const Vec3d& center, double radius, double half_width, const Place& least, const Place& end) {
+    const auto distance = [=](const Place& p) { return (placement.world_from_index(Vec3d(p[0], p[1], p[2])) - center).norm() - radius; };
+    const auto wanted = [=](const Place& corner) {
+        for (int32_t z = 0; z < 8; ++z)
+            for (int32_t y = 0; y < 8; ++y)
+                for (int32_t x = 0; x < 8; ++x)
+                    if (std::abs(distance({corner[0] + x, corner[1] + y, corner[2] + z})) < half_width) return true;
+        return false;
+    };
+    return FunctionBricks(
+        placement, least, end, [=](const Place& p) { return float(std::clamp(distance(p), -half_width, half_width)); }, wanted,
+        [=](const Place& corner) { return float(distance(corner) < 0.0 ? -half_width : half_width); });
+}
+
+// The same surface as that of the whole grid: the same vertices, the same triangles by their places, in another order.
+std::map<std::array<float, 3>, int> places_of(std::span<const Vec3f> positions) {
+    std::map<std::array<float, 3>, int> places;
+    for (const Vec3f& p : positions) ++places[{p.x(), p.y(), p.z()}];
+    return places;
+}
+std::map<std::array<std::array<float, 3>, 3>, int> triangles_of(std::span<const Vec3f> positions, std::span<const std::array<uint32_t, 3>> triangles) {
+    std::map<std::array<std::array<float, 3>, 3>, int> found;
+    for (const auto& t : triangles) {
+        std::array<std::array<float, 3>, 3> corners;
+        for (size_t n = 0; n < 3; ++n) corners[n] = {positions[t[n]].x(), positions[t[n]].y(), positions[t[n]].z()};
+        std::rotate(corners.begin(), std::min_element(corners.begin(), corners.end()), corners.end());
+        ++found[corners];
+    }
+    return found;
+}
+
+TEST(ContourBricks, SphereInANarrowBand) {
+    for (const bool mirrored : {false, true}) {
+        const GridPlacement placement = leaning_placement(mirrored);
+        const Vec3d center = placement.world_from_index({3.0, -5.0, 11.0});
+        FunctionBricks source = sphere_band(placement, center, 9.0, 2.5, {-64, -64, -64}, {64, 64, 64});
+        SurfaceCollector sink;
+        const ContourReport report = contour_bricks(source, {.isovalues = {0.0}, .inside = ContourInside::below, .normals = true, .threads = 2}, sink);
+        const SurfaceShape shape = shape_of(sink.positions, sink.triangles);
+        EXPECT_EQ(shape.fault, "");
+        EXPECT_EQ(shape.boundary_edges, 0u);
+        EXPECT_EQ(shape.euler, 2);
+        EXPECT_EQ(shape.components, 1u);
+        EXPECT_NEAR(shape.volume / (4.0 / 3.0 * 3.14159265 * 729.0), 1.0, 0.02);
+        EXPECT_EQ(report.vertices, sink.positions.size());
+        EXPECT_EQ(report.triangles, sink.triangles.size());
+        EXPECT_GT(sink.pieces, 3);
+        for (size_t v = 0; v < sink.positions.size(); ++v) {
+            const Vec3d ray = sink.origin + sink.positions[v].cast<double>() - center;
+            ASSERT_NEAR(ray.norm(), 9.0, 1.4 * 1.4 / (8.0 * 7.6) + 1e-4);
+            ASSERT_GT(ray.normalized().dot(sink.normals[v].cast<double>()), 0.99);
+        }
+    }
+}
+
+// Random samples in a block of bricks, the rest outside: what the whole grid's contour is, closed by a rim of outside samples.
+TEST(ContourBricks, SameSurfaceAsTheWholeGrid) {
+    for (const uint64_t seed : {1, 2, 3}) {
+        const auto value = [=](const Place& p) {
+            Random random(mix_bits(seed) ^ uint64_t(uint32_t(p[0])) ^ uint64_t(uint32_t(p[1])) << 20 ^ uint64_t(uint32_t(p[2])) << 40);
+            return float(random.uniform(-1.0, 1.0));
+        };
+        const auto wanted = [=](const Place& corner) { return mix_bits(seed + uint64_t(uint32_t(corner[0]) * 31u + uint32_t(corner[1]) * 1009u + uint32_t(corner[2]) * 70001u)) % 3 != 0; };
+        const auto absent = [](const Place&) { return -0.75f; };
+        const Place least = {-16, -8, -24}, end = {24, 24, 16};
+        ScalarGrid grid{.placement = {.origin = Vec3d(least[0] - 1, least[1] - 1, least[2] - 1)}, .size = {}, .values = {}};
+        for (size_t axis = 0; axis < 3; ++axis) grid.size[axis] = uint32_t(end[axis] - least[axis] + 2);
+        for (int32_t k = least[2] - 1; k <= end[2]; ++k)
+            for (int32_t j = least[1] - 1; j <= end[1]; ++j)
+                for (int32_t i = least[0] - 1; i <= end[0]; ++i) {
+                    const bool rim = i < least[0] || j < least[1] || k < least[2] || i >= end[0] || j >= end[1] || k >= end[2];
+                    grid.values.push_back(rim || !wanted({brick_of(i), brick_of(j), brick_of(k)}) ? -0.75f : value({i, j, k}));
+                }
+        ContourSettings settings{.isovalues = {0.25, -0.5}, .normals = true};
+        FunctionBricks source({}, least, end, value, wanted, absent);
+        SurfaceCollector sink;
+        const ContourReport report = contour_bricks(source, settings, sink);
+        ContourMesh mesh;
+        const ContourReport whole = contour_grid(grid.placement, grid.size, grid.values, settings, mesh);
+        EXPECT_EQ(report.triangles, whole.triangles);
+        EXPECT_EQ(report.vertices, whole.vertices);
+        EXPECT_EQ(report.ambiguous_cells, whole.ambiguous_cells);
+        EXPECT_EQ(report.tunnel_cells, whole.tunnel_cells);
+        const SurfaceShape shape = shape_of(sink.positions, sink.triangles);
+        EXPECT_EQ(shape.fault, "");
+        EXPECT_EQ(shape.boundary_edges, 0u);
+        EXPECT_EQ(shape.euler, shape_of({mesh.positions.data(), mesh.positions.size()}, {mesh.triangles.data(), mesh.triangles.size()}).euler);
+
+        // The same bytes on any number of threads.
+        for (int threads = 2; threads <= 4; ++threads) {
+            settings.threads = threads;
+            FunctionBricks again({}, least, end, value, wanted, absent);
+            SurfaceCollector other;
+            contour_bricks(again, settings, other);
+            EXPECT_TRUE(other.positions == sink.positions && other.triangles == sink.triangles && other.normals == sink.normals);
+        }
+        // Along each axis positions differ by whole cells, in floats of unequal origins: compare rounded ones.
+        const Vec3d shift = sink.origin - mesh.origin;
+        const auto rounded = [](std::span<const Vec3f> positions, const Vec3d& by) {
+            std::vector<Vec3f> out;
+            for (const Vec3f& p : positions) {
+                const Vec3d q = ((p.cast<double>() + by) * 4096.0).array().round();
+                out.push_back(q.cast<float>());
+            }
+            return out;
+        };
+        const std::vector<Vec3f> ours = rounded(sink.positions, shift), theirs = rounded({mesh.positions.data(), mesh.positions.size()}, Vec3d::Zero());
+        size_t unlike = 0, triangles_unlike = 0;
+        const auto there = places_of(theirs);
+        for (const auto& [place, count] : places_of(ours)) unlike += there.count(place) == 0;
+        EXPECT_LT(unlike, ours.size() / 50);  // rounded apart
+        const auto triangles_there = triangles_of(theirs, {mesh.triangles.data(), mesh.triangles.size()});
+        for (const auto& [triangle, count] : triangles_of(ours, sink.triangles)) triangles_unlike += triangles_there.count(triangle) == 0;
+        EXPECT_LT(triangles_unlike, sink.triangles.size() / 20);
+    }
+}
+
+// Bricks may be far apart, and layers missing.
+TEST(ContourBricks, FarPiecesAndMissingLayers) {
+    const auto value = [](const Place& p) {
+        const auto ball = [&](double x, double y, double z) { return std::hypot(p[0] - x, p[1] - y, p[2] - z) - 3.0; };
+        return float(std::min(ball(4, 4, 4), ball(-1000004, 2000004, 80004)));
+    };
+    class Two : public FieldBrickSource {
+    public:
+        Two(std::function<float(const Place&)> value) : value_(std::move(value)) {}
+        const GridPlacement& placement() const override { return placement_; }
+        float background() const override { return 10.0f; }
+        bool next_layer(FieldBrickLayer& out) override {
+            if (next_ == 2) return false;
+            const Place corner = next_++ == 0 ? Place{0, 0, 0} : Place{-1000008, 2000000, 80000};
+            out = {.k = corner[2], .corners = {{corner[0], corner[1]}}, .values = {}};
+            for (int32_t n = 0; n < 512; ++n) out.values.push_back(value_({corner[0] + n % 8, corner[1] + n / 8 % 8, corner[2] + n / 64}));
+            return true;
+        }
+
+    private:
+        GridPlacement placement_;
+        std::function<float(const Place&)> value_;
+        int next_ = 0;
+    };
+    Two source(value);
+    SurfaceCollector sink;
+    contour_bricks(source, {.isovalues = {0.0}, .inside = ContourInside::below}, sink);
+    const SurfaceShape shape = shape_of(sink.positions, sink.triangles);
+    EXPECT_EQ(shape.fault, "");
+    EXPECT_EQ(shape.boundary_edges, 0u);
+    EXPECT_EQ(shape.euler, 4);
+    EXPECT_EQ(shape.components, 2u);
+}
+
+class Given : public FieldBrickSource {
+public:
+    explicit Given(std::vector<FieldBrickLayer> layers) : layers_(std::move(layers)) {}
+    const GridPlacement& placement() const override { return placement_; }
+    float background() const override { return 1.0f; }
+    bool next_layer(FieldBrickLayer& out) override {
+        if (next_ == layers_.size()) return false;
+        out = layers_[next_++];
+        return true;
+    }
+
+private:
+    GridPlacement placement_;
+    std::vector<FieldBrickLayer> layers_;
+    size_t next_ = 0;
+};
+
+FieldBrickLayer layer_of(int32_t k, std::vector<std::array<int32_t, 2>> corners) {
+    FieldBrickLayer layer{.k = k, .corners = std::move(corners), .values = {}};
+    layer.values.assign(layer.corners.size() * kFieldBrickSamples, -1.0f);
+    return layer;
+}
+
+TEST(ContourBricks, RefusesWhatIsOutOfOrder) {
+    FieldBrickLayer short_of_samples = layer_of(0, {{0, 0}});
+    short_of_samples.values.pop_back();
+    for (const std::vector<FieldBrickLayer>& layers : {std::vector<FieldBrickLayer>{layer_of(8, {{0, 0}}), layer_of(0, {{0, 0}})},
+                                                       {layer_of(8, {{0, 0}}), layer_of(8, {{0, 0}})},
+                                                       {layer_of(3, {{0, 0}})},
+                                                       {layer_of(0, {{0, 4}})},
+                                                       {layer_of(0, {{8, 0}, {0, 0}})},
+                                                       {layer_of(0, {{0, 0}, {0, 0}})},
+                                                       {layer_of(0, {{0, 8}, {8, 0}})},
+                                                       {layer_of(0, {{std::numeric_limits<int32_t>::min(), 0}})},
+                                                       {short_of_samples}}) {
+        Given source(layers);
+        SurfaceCollector sink;
+        try {
+            contour_bricks(source, {.isovalues = {0.0}}, sink);
+            ADD_FAILURE();
+        } catch (const Error& error) {
+            EXPECT_EQ(error.kind, ErrorKind::malformed) << error.what();
+        }
+    }
+    // One brick of inside in order: a box.
+    Given source({layer_of(0, {{0, 0}})});
+    SurfaceCollector sink;
+    EXPECT_GT(contour_bricks(source, {.isovalues = {0.0}, .inside = ContourInside::below}, sink).triangles, 0u);
+    EXPECT_EQ(shape_of(sink.positions, sink.triangles).euler, 2);
+    EXPECT_NEAR(shape_of(sink.positions, sink.triangles).volume, 512.0, 26.0);  // a box of side 8 without its rounded rim
+    Given none({});
+    SurfaceCollector nothing;
+    EXPECT_EQ(contour_bricks(none, {.isovalues = {0.0}}, nothing).triangles, 0u);
+    Given again({layer_of(0, {{0, 0}})});
+    EXPECT_THROW(contour_bricks(again, {.isovalues = {0.0}, .inside = ContourInside::below, .memory_bytes = 1000}, nothing), Error);
+}
+
+}  // namespace
+}  // namespace strata
