@@ -25,7 +25,9 @@ constexpr std::array<Place, 512> kPlaces = [] {
     return places;
 }();
 
-const VdbGrid& choose(const VdbFile& file, const std::string& name, const std::string& place) {
+}  // namespace
+
+const VdbGrid& choose_vdb_grid(const VdbFile& file, const std::string& name, const std::string& place) {
     const bool any = name.empty();
     const auto found = std::find_if(file.grids.begin(), file.grids.end(), [&](const VdbGrid& grid) { return any ? is_readable(grid) : grid.name == name; });
     if (found != file.grids.end()) return *found;
@@ -35,8 +37,6 @@ const VdbGrid& choose(const VdbFile& file, const std::string& name, const std::s
     if (any) throw Error(ErrorKind::unsupported, place + ": a grid of float, double, bool or mask is expected, there are " + there);
     throw Error(ErrorKind::usage, place + ": no grid " + name + ", there are " + there);
 }
-
-}  // namespace
 
 VdbVisitor gather_occupied(const VdbGrid& grid, const VdbVoxelSettings& settings, std::string place, BrickVoxels& out) {
     const double isovalue = settings.isovalue.value_or(0.0);
@@ -74,7 +74,7 @@ VdbVisitor gather_occupied(const VdbGrid& grid, const VdbVoxelSettings& settings
 VdbVoxels read_vdb_voxels(const ByteSource& source, const VdbVoxelSettings& settings) {
     ByteStream stream(source);
     VdbVoxels result;
-    result.grid = choose(read_vdb_header(stream), settings.grid, source.name());
+    result.grid = choose_vdb_grid(read_vdb_header(stream), settings.grid, source.name());
     const VdbGrid& grid = result.grid;
     const std::string place = source.name() + ": grid " + grid.name;
     if (!grid.is_uniform())

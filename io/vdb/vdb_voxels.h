@@ -27,6 +27,10 @@ struct VdbVoxels {
     BrickVoxels voxels;  // finished: emit() puts them out in Morton order
 };
 
+/// The grid of a name, or the first that can be read where that is empty.
+/// throws  Error{unsupported}: there is none; Error{usage}: none of that name
+const VdbGrid& choose_vdb_grid(const VdbFile& file, const std::string& name, const std::string& place);
+
 /// Gathers the occupied points of a tree, as it is visited.
 /// grid   and `out` must live as long as the visitor
 /// place  for messages
