@@ -54,8 +54,12 @@ VdbField::VdbField(const ByteSource& source, const VdbFieldSettings& settings) :
     std::sort(bricks_.begin(), bricks_.end(), comes_before<Brick>);
     for (std::vector<Region>& tiles : tiles_) std::sort(tiles.begin(), tiles.end(), comes_before<Region>);
     add_rims();
-    for (const Brick& brick : bricks_)
-        for (const int corner : {0, 7}) bounds_.extend(placement_.world_from_index(brick.origin.cast<double>() + Vec3d::Constant(corner)));
+    for (const Brick& brick : bricks_) {
+        least_index_ = least_index_.cwiseMin(brick.origin);
+        greatest_index_ = greatest_index_.cwiseMax((brick.origin.array() + (kFieldBrickSide - 1)).matrix());
+    }
+    if (bricks_.empty()) return;
+    for (const Vec3i& corner : {least_index_, greatest_index_}) bounds_.extend(placement_.world_from_index(corner.cast<double>()));
 }
 
 void VdbField::see(float value) {

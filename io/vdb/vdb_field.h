@@ -34,7 +34,10 @@ public:
     /// Of the values of leaves and tiles and the background, but for NaN; the least above the greatest: there is none.
     float least() const { return least_; }
     float greatest() const { return greatest_; }
-    /// World: of the centers of points in bricks.
+    /// Of points in bricks, where there are some.
+    const Vec3i& least_index() const { return least_index_; }
+    const Vec3i& greatest_index() const { return greatest_index_; }
+    /// World: of the centers of these.
     const Box3d& bounds() const { return bounds_; }
 
     const GridPlacement& placement() const override { return placement_; }
@@ -68,6 +71,7 @@ private:
     VdbGrid grid_;
     GridPlacement placement_;
     float background_ = 0.0f, least_ = std::numeric_limits<float>::infinity(), greatest_ = -std::numeric_limits<float>::infinity();
+    Vec3i least_index_ = Vec3i::Constant(std::numeric_limits<int>::max()), greatest_index_ = Vec3i::Constant(std::numeric_limits<int>::min());
     Box3d bounds_;
     uint64_t memory_bytes_;
     ScratchStore* scratch_;
