@@ -12,6 +12,7 @@ Command convert_command();
 Command info_command();
 Command render_command();
 Command sample_command();
+Command surface_command();
 Command voxelize_command();
 
 /// Every subcommand, in the order of the help text.

@@ -1,0 +1,206 @@
+// strata surface: volumes, grids and voxels to meshes.
+#include <charconv>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "app/commands/commands.h"
+#include "app/commands/info_json.h"
+#include "app/commands/spared_inputs.h"
+#include "app/commands/surface_input.h"
+#include "app/peak_memory.h"
+#include "app/printable_text.h"
+#include "app/quantity_text.h"
+#include "core/error.h"
+#include "core/surface/surface_report.h"
+#include "io/mesh/surface_writer.h"
+#include "io/scratch_file.h"
+
+namespace strata {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr OptionRow kRows[] = {
+    {"--output", "-o", "OUT", "", "the mesh to write: .ply, .obj, .stl or .glb"},
+    {"--iso", "-i", "V,...", "", "isovalues: the surface where values cross V; several make one mesh of several colors. Needed for volumes and fog volumes; of a level set 0 if not given"},
+    {"--method", "", "METHOD", "", "marching-cubes (of volumes and .vdb files, where the default), or cubes: faces of voxels, merged to rectangles (of .svo files, where the default; of points, meshes and .vdb files, which are made voxels first)"},
+    {"--inside", "", "SIDE", "", "above or below: where values are greater or less than the isovalue the surface is solid; default: above, of a level set below"},
+    {"--close", "", "", "", "close the surface where it meets the boundary of the volume"},
+    {"--normals", "-n", "", "", "normals of vertices, from the gradient of the values"},
+    {"--voxel-size", "-s", "UNITS", "", "of cubes: side of the voxels to make of points or a mesh, CRS units; of a .svo file cells of the coarsest depth that are no larger"},
+    {"--error", "-e", "VOXELS", "", "of cubes of a .svo file: the coarsest cells whose cubes lie within so many voxels of the finest"},
+    {"--grid", "", "NAME", "", "of a .vdb file: the grid of that name; default: the first that can be read"},
+    {"--dimensions", "", "XxYxZ", "", "IN is samples alone, so many along each axis, the first running fastest"},
+    {"--type", "", "TYPE", "uint8", "of samples alone: int8 to int64, uint8 to uint64, float or double"},
+    {"--endian", "", "ORDER", "little", "of samples alone: little or big"},
+    {"--spacing", "", "X,Y,Z", "1,1,1", "of samples alone: distances along each axis"},
+    {"--header-bytes", "", "N", "", "of samples alone: bytes before the first; default: the samples are the end of the file"},
+    {"--no-sync", "", "", "", "do not wait until the output is on the disk; a power cut may lose it"},
+    shared_option::kMemory,
+    shared_option::kThreads,
+    shared_option::kOverwrite,
+    shared_option::kJson,
+    shared_option::kQuiet,
+};
+
+// "1,2.5"
+std::vector<double> parse_list(std::string_view flag, const std::string& text) {
+    std::vector<double> values;
+    for (size_t begin = 0; begin <= text.size();) {
+        const size_t end = std::min(text.find(',', begin), text.size());
+        values.push_back(parse_number(flag, text.substr(begin, end - begin)));
+        begin = end + 1;
+    }
+    return values;
+}
+
+// "256x256x128"
+std::array<uint32_t, 3> parse_dimensions(const std::string& text) {
+    std::array<uint32_t, 3> sizes{};
+    const char* at = text.data();
+    const char* const end = at + text.size();
+    for (size_t axis = 0; axis < 3; ++axis) {
+        const auto [stop, problem] = std::from_chars(at, end, sizes[axis]);
+        const bool separated = axis == 2 ? stop == end : stop != end && *stop == 'x';
+        if (problem != std::errc() || sizes[axis] == 0 || !separated)
+            throw Error(ErrorKind::usage, "--dimensions: expected three numbers of samples such as 256x256x128, got '" + text + "'");
+        at = stop + 1;
+    }
+    return sizes;
+}
+
+std::optional<RawVolumeLayout> raw_layout(const Options& options) {
+    if (!options.given("--dimensions")) {
+        for (const char* const flag : {"--type", "--endian", "--spacing", "--header-bytes"})
+            if (options.given(flag)) throw Error(ErrorKind::usage, std::string(flag) + " is for samples alone: --dimensions XxYxZ is expected with it");
+        return std::nullopt;
+    }
+    RawVolumeLayout layout = {.size = parse_dimensions(options.text("--dimensions"))};
+    const std::optional<SampleType> type = sample_type_named(options.text("--type"));
+    if (!type) throw Error(ErrorKind::usage, "--type: expected int8, uint8, int16, uint16, int32, uint32, int64, uint64, float or double, got '" + options.text("--type") + "'");
+    layout.type = *type;
+    const std::string order = options.text("--endian");
+    if (order != "little" && order != "big") throw Error(ErrorKind::usage, "--endian: expected little or big, got '" + order + "'");
+    layout.is_big_endian = order == "big";
+    const std::vector<double> spacing = options.numbers("--spacing", 3);
+    layout.spacing = {spacing[0], spacing[1], spacing[2]};
+    if (!(layout.spacing.minCoeff() > 0.0)) throw Error(ErrorKind::usage, "--spacing: expected three numbers above 0, got '" + options.text("--spacing") + "'");
+    if (options.given("--header-bytes")) layout.offset = uint64_t(options.integer("--header-bytes", 0, std::numeric_limits<int64_t>::max()));
+    return layout;
+}
+
+double positive(const Options& options, const char* flag) {
+    const double value = options.number(flag);
+    if (!(value > 0.0)) throw Error(ErrorKind::usage, std::string(flag) + ": expected a positive number, got '" + options.text(flag) + "'");
+    return value;
+}
+
+SurfaceRequest request_of(const Options& options, const std::string& folder) {
+    SurfaceRequest request = {.close = options.given("--close"),
+                              .normals = options.given("--normals"),
+                              .grid = options.text("--grid"),
+                              .raw = raw_layout(options),
+                              .threads = thread_count(options),
+                              .memory_bytes = memory_cap(options),
+                              .scratch_folder = folder};
+    if (options.given("--iso")) request.isovalues = parse_list("--iso", options.text("--iso"));
+    if (options.given("--method")) {
+        const std::string method = options.text("--method");
+        if (method != "marching-cubes" && method != "cubes") throw Error(ErrorKind::usage, "--method: expected marching-cubes or cubes, got '" + method + "'");
+        request.method = method == "cubes" ? SurfaceMethod::cubes : SurfaceMethod::marching_cubes;
+    }
+    if (options.given("--inside")) {
+        const std::string side = options.text("--inside");
+        if (side != "above" && side != "below") throw Error(ErrorKind::usage, "--inside: expected above or below, got '" + side + "'");
+        request.inside = side == "above" ? ContourInside::above : ContourInside::below;
+    }
+    if (options.given("--voxel-size")) request.voxel_size = positive(options, "--voxel-size");
+    if (options.given("--error")) {
+        request.error = options.number("--error");
+        if (*request.error < 0.0) throw Error(ErrorKind::usage, "--error: expected a number of voxels, 0 or more, got '" + options.text("--error") + "'");
+    }
+    return request;
+}
+
+struct Written {
+    SurfaceReport surface;
+    uint64_t bytes = 0;
+    double seconds = 0.0;
+};
+
+nlohmann::ordered_json report_json(const std::string& path, const Written& written, const SurfaceInput& input) {
+    const SurfaceReport& surface = written.surface;
+    const bool cubes = input.method() == SurfaceMethod::cubes;
+    nlohmann::ordered_json report = {{"output", path}, {"method", cubes ? "cubes" : "marching-cubes"}, {"vertices", surface.vertices}, {"triangles", surface.triangles}, {"quads", surface.quads}};
+    // Voxels enclose what they fill, although where their materials meet each has vertices of its own.
+    add_surface(surface, surface.is_closed() || cubes, report);
+    report["bounds"] = box_json(surface.bounds);
+    input.add_to(report);
+    report.update({{"seconds", written.seconds}, {"peak_memory_bytes", peak_memory_bytes()}, {"output_bytes", written.bytes}, {"notes", input.notes}});
+    return report;
+}
+
+void print_summary(const std::string& path, const Written& written) {
+    const SurfaceReport& surface = written.surface;
+    std::string faces = with_commas(surface.triangles) + " triangles";
+    if (surface.quads > 0) faces = with_commas(surface.quads) + " quads" + (surface.triangles > 0 ? ", " + faces : "");
+    std::fprintf(stderr, "%s: %s, %s vertices, %s, %.1f s\n", path.c_str(), faces.c_str(), with_commas(surface.vertices).c_str(), size_text(written.bytes).c_str(), written.seconds);
+    if (surface.triangles + surface.quads == 0) return;
+    std::string edges = surface.is_closed() ? "closed" : with_commas(surface.boundary_edges) + " boundary edges";
+    if (surface.nonmanifold_edges > 0) edges += ", " + with_commas(surface.nonmanifold_edges) + " edges of more than two faces";
+    std::fprintf(stderr, "  %s %s, Euler characteristic %lld, %s, area %.6g", with_commas(surface.components).c_str(), surface.components == 1 ? "component" : "components",
+                 static_cast<long long>(surface.euler_characteristic), edges.c_str(), surface.area);
+    if (surface.is_closed()) std::fprintf(stderr, ", volume %.6g", surface.volume);
+    std::fputc('\n', stderr);
+}
+
+int run(const Options& options) {
+    const std::string path = options.text("--output");
+    const bool json = options.given("--json"), quiet = options.given("--quiet") || json, overwrite = options.given("--overwrite");
+    if (path.empty()) throw Error(ErrorKind::usage, "surface: --output OUT is expected, a name that ends in .ply, .obj, .stl or .glb");
+    if (!is_surface_name(path)) throw Error(ErrorKind::usage, path + ": a name that ends in .ply, .obj, .stl or .glb is expected");
+    const std::string folder = fs::absolute(path).parent_path().string();
+    SurfaceRequest request = request_of(options, folder);
+    check_inputs_spared(path, options.positional);
+    check_output_path(path, overwrite);
+
+    const auto start = std::chrono::steady_clock::now();
+    ProgressLine progress(quiet);
+    const uint64_t memory = request.memory_bytes;
+    const std::unique_ptr<ScratchStore> field_scratch = make_scratch_file(folder), place_scratch = make_scratch_file(folder);
+    request.memory_bytes = memory / 4 * 3;  // places of vertices take an eighth, what the report counts the rest
+    request.scratch = field_scratch.get();
+    const std::unique_ptr<SurfaceInput> input = open_surface_input(options.positional, request);
+    MeasuredSurface measured(nullptr, place_scratch.get(), memory / 8);
+    const std::unique_ptr<SurfaceWriter> writer = make_surface_writer(path, {.overwrite = overwrite, .normals = input->has_normals(), .colors = input->has_colors(), .bounds = input->bounds(),
+                                                                             .edge = input->edge(), .scratch_folder = folder, .positions = &measured.positions()});
+    measured.set_next(writer.get());
+    input->extract(measured, progress);
+    const Durability durability = options.given("--no-sync") ? Durability::unsynced : Durability::synced;
+    Written written = {.surface = measured.report(), .bytes = writer->commit(durability)};
+    progress.clear();
+    written.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    for (const std::string& note : writer->notes()) input->notes.push_back(note);
+    for (const std::string& note : input->notes)
+        if (!quiet) std::fprintf(stderr, "note: %s\n", printable(note).c_str());
+    // Names from a file may be of any encoding; JSON is UTF-8.
+    if (json) std::printf("%s\n", report_json(path, written, *input).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+    else if (!quiet) print_summary(path, written);
+    return 0;
+}
+
+}  // namespace
+
+Command surface_command() {
+    return {.name = "surface",
+            .summary = "volumes, grids and voxels to meshes",
+            .positional = "IN...",
+            .least_positional = 1,
+            .rows = kRows,
+            .run = run};
+}
+
+}  // namespace strata

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "app/progress.h"
+#include "core/math/box.h"
+#include "core/octree/scratch_store.h"
+#include "core/surface/contour.h"
+#include "core/surface/surface_sink.h"
+#include "io/volume/volume_source.h"
+
+namespace strata {
+
+enum class SurfaceMethod { marching_cubes, cubes };
+
+/// What the words of `strata surface` say of any input.
+struct SurfaceRequest {
+    std::optional<SurfaceMethod> method;       // none: what suits the input
+    std::vector<double> isovalues;             // empty: what suits the input
+    std::optional<ContourInside> inside;       // likewise
+    bool close = false, normals = false;
+    std::optional<double> voxel_size, error;   // of cubes: world units; in voxels
+    std::string grid;                          // of a .vdb file; empty: the first
+    std::optional<RawVolumeLayout> raw;        // the input is samples alone
+    int threads = 1;
+    uint64_t memory_bytes = 0;
+    ScratchStore* scratch = nullptr;
+    std::string scratch_folder;
+};
+
+/// Something that a surface can be made of. Each kind has a class of its own behind open_surface_input.
+class SurfaceInput {
+public:
+    virtual ~SurfaceInput() = default;
+
+    virtual SurfaceMethod method() const = 0;
+    virtual Box3d bounds() const = 0;         // world: about where the surface will be
+    virtual double edge() const = 0;          // world units: typical of an edge of a face
+    virtual bool has_normals() const = 0;     // of vertices
+    virtual bool has_colors() const = 0;      // likewise
+    /// Hands the surface out. Once.
+    virtual void extract(SurfaceSink& out, ProgressLine& progress) = 0;
+    /// Adds what it counted to the report of --json. After extract().
+    virtual void add_to(nlohmann::ordered_json& report) const = 0;
+
+    /// What was odd; a line each.
+    std::vector<std::string> notes;
+};
+
+/// Opens a volume, a grid, voxels, or with the method of cubes what voxels can be made of.
+/// throws  Error{usage}: what the request asks for is not for such an input, or a volume has no isovalue; and what reading throws
+std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> words, const SurfaceRequest& request);
+
+}  // namespace strata
