@@ -85,8 +85,10 @@ inline void merge(Faces& faces, const MaterialSteps& materials, const PlaceOf& p
                 if constexpr (kMaterials) {
                     row = materials.at(i) + first * materials.along;
                     material = *row;
+                    // Both at once, as either alone is hard to foretell: the material behind the last cell may be read.
                     width = 1;
-                    while (first + width < kSide && (bits >> (first + width) & 1) != 0 && row[width * materials.along] == material) ++width;
+                    for (uint64_t rest = bits >> first; (rest >> 1 & uint64_t{row[width * materials.along] == material}) != 0; rest >>= 1)
+                        ++width;
                     span = (~uint64_t{0} >> (kSide - width)) << first;
                     bits ^= span;
                 } else {

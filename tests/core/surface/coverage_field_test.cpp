@@ -6,7 +6,9 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/surface/contour.h"
 #include "tests/support/cube_bricks.h"
+#include "tests/support/surface_in_memory.h"
 #include "tests/support/voxel_cube.h"
 
 namespace strata {
@@ -99,6 +101,35 @@ TEST(CoverageField, RefusesDepthsThatAreNotThere) {
     EXPECT_THROW(CoverageField(tree, 0), Error);
     EXPECT_THROW(CoverageField(tree, 5), Error);
     EXPECT_THROW(CoverageField(VoxelTree{}, 1), Error);
+}
+
+// The surface where half of a cell is filled, of a ball of 100 voxels' radius: closed, and at half the cells' size a quarter as wrong.
+TEST(CoverageField, SurfaceAtAHalfConvergesOnTheSolid) {
+    constexpr double kRadius = 100.0;
+    const Vec3d center(126.3, 128.9, 127.6);
+    const VoxelTree tree = tree_of(
+        cube_where(4, [&](uint32_t x, uint32_t y, uint32_t z) { return (Vec3d(x + 0.5, y + 0.5, z + 0.5) - center).norm() < kRadius; }),
+        true);
+    std::vector<double> volume_errors;
+    for (const int shift : {4, 3, 2}) {
+        CoverageField field(tree, tree.depth() - shift);
+        SurfaceInMemory surface;
+        contour_bricks(field, {.isovalues = {0.5}}, surface);
+        const TriangleMesh mesh = surface.mesh();
+        EXPECT_EQ(open_edges(mesh), 0u);
+        const double truth = 4.0 / 3.0 * M_PI * kRadius * kRadius * kRadius;
+        volume_errors.push_back(std::abs(volume_of(mesh) / truth - 1.0));
+        double farthest = 0.0;
+        for (const Vec3d& p : mesh.positions) farthest = std::max(farthest, std::abs((p - center).norm() - kRadius));
+        // Across an axis shares fall from 1 to 0 within a cell; the line between two samples, one of them 1, meets 0.5 up to
+        // (3 - 2 sqrt(2)) / 2 cells from where they do. Then what curvature adds, and half a voxel's diagonal.
+        const double cell = std::ldexp(1.0, shift);
+        EXPECT_LT(farthest, (1.5 - std::sqrt(2.0)) * cell + cell * cell / (8.0 * kRadius) + std::sqrt(0.75));
+    }
+    for (const size_t i : {0u, 1u}) {
+        EXPECT_GT(volume_errors[i] / volume_errors[i + 1], 3.3);
+        EXPECT_LT(volume_errors[i] / volume_errors[i + 1], 5.0);
+    }
 }
 
 }  // namespace
