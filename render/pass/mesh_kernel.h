@@ -40,6 +40,8 @@ struct TriangleBlock {
     size_t count;
     alignas(64) int32_t left[kTriangleBlock], right[kTriangleBlock], top[kTriangleBlock], bottom[kTriangleBlock];  // all included
     alignas(64) TriangleKind kinds[kTriangleBlock];
+    alignas(64) int32_t x[3][kTriangleBlock], y[3][kTriangleBlock];  // of the corners
+    alignas(64) float key[3][kTriangleBlock];
 };
 
 /// A triangle by itself.
@@ -58,7 +60,7 @@ struct MeshKernels {
     /// Fills all but first and count.
     void (*sort)(const MeshGeometry& geometry, const MeshTarget& target, TriangleBlock& block);
     /// Draws the small ones of a block.
-    void (*draw_small)(const MeshGeometry& geometry, const MeshTarget& target, const TriangleBlock& block, Sharing sharing);
+    void (*draw_small)(const MeshTarget& target, const TriangleBlock& block, Sharing sharing);
     /// Draws any triangle, alone.
     void (*draw)(const RasterTriangle& triangle, const MeshTarget& target);
 };
@@ -91,19 +93,22 @@ public:
 private:
     struct Edge {
         int64_t value, per_column, per_row;  // at column 0 of the next row; the pixel is inside where none is negative
+        double inverse;                      // 1 / |per_column|
     };
-    std::array<Edge, 3> edges_;
-    int32_t first_column_, last_column_, first_row_, last_row_;
-    double base_, key_per_column_, key_per_row_, least_key_, most_key_;
+    std::array<Edge, 3> edges_ = {};
+    int32_t first_column_ = 0, last_column_ = -1, first_row_ = 0, last_row_ = -1;
+    double base_ = 0.0, key_per_column_ = 0.0, key_per_row_ = 0.0, least_key_ = 0.0, most_key_ = 0.0;
 };
 
-inline int64_t floor_of_quotient(int64_t value, int64_t divisor) {  // divisor above 0
-    const int64_t quotient = value / divisor;
-    return quotient - (value % divisor < 0);
+/// The whole part of value / divisor, exactly if it is between -2^20 and 2^20, else beyond these. |value| < 2^62, 0 < divisor < 2^40
+inline int64_t floor_of_quotient(int64_t value, int64_t divisor, double inverse) {
+    constexpr double kFar = 0x1p20;
+    const double about = double(value) * inverse;
+    const int64_t quotient = int64_t(about < -kFar ? -kFar : about > kFar ? kFar : about), rest = value - quotient * divisor;
+    return quotient + (rest >= divisor) - (rest < 0);  // a guess that is no more than one off
 }
 
 inline TriangleSpans::TriangleSpans(const RasterTriangle& t, const MeshTarget& target) {
-    first_row_ = 0, last_row_ = -1;
     const int64_t x0 = t.x[0], y0 = t.y[0];
     const int64_t signed_area = (t.x[1] - x0) * (t.y[2] - y0) - (t.y[1] - y0) * (t.x[2] - x0);
     if (signed_area == 0) return;
@@ -124,7 +129,7 @@ inline TriangleSpans::TriangleSpans(const RasterTriangle& t, const MeshTarget& t
         const size_t a = i, b = (i + 1) % 3;
         const int64_t dx = x[b] - x[a], dy = y[b] - y[a];
         const int64_t owned = dy < 0 || (dy == 0 && dx > 0) ? 0 : -1;
-        edges_[i] = {dx * (center_y - y[a]) - dy * (center_x - x[a]) + owned, -dy * kSubpixels, dx * kSubpixels};
+        edges_[i] = {dx * (center_y - y[a]) - dy * (center_x - x[a]) + owned, -dy * kSubpixels, dx * kSubpixels, 1.0 / double(dy == 0 ? 1 : kSubpixels * (dy < 0 ? -dy : dy))};
     }
     // On the plane through the three keys, from the first vertex on.
     const double area = double(signed_area > 0 ? signed_area : -signed_area);
@@ -143,10 +148,10 @@ inline TriangleSpans::Columns TriangleSpans::next_row() {
     int64_t first = first_column_, last = last_column_;
     for (Edge& edge : edges_) {
         if (edge.per_column > 0) {
-            const int64_t from = -floor_of_quotient(edge.value, edge.per_column);
+            const int64_t from = -floor_of_quotient(edge.value, edge.per_column, edge.inverse);
             first = from > first ? from : first;
         } else if (edge.per_column < 0) {
-            const int64_t to = floor_of_quotient(edge.value, -edge.per_column);
+            const int64_t to = floor_of_quotient(edge.value, -edge.per_column, edge.inverse);
             last = to < last ? to : last;
         } else if (edge.value < 0) {
             last = first - 1;

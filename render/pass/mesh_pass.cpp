@@ -125,7 +125,7 @@ private:
             put(block.first + uint32_t(i), kind == TriangleKind::unsnapped, clipped, waiting);
             kind = TriangleKind::nothing;
         }
-        kernels_.draw_small(geometry_, target_, block, sharing);
+        kernels_.draw_small(target_, block, sharing);
     }
 
     std::array<Vec3d, 3> corners_of(uint32_t number) const {
@@ -219,7 +219,7 @@ bool MeshPass::draw(const MeshModel& model, uint32_t drawable, const MeshView& v
     const MeshTarget target = {words.data(), out.width, seen.top, rows};
     MeshDrawing(mesh, view, projection, target, seen, vertices, waiting, kernels).draw();
 
-    const MeshShade shade = {model, drawable, projection, target};
+    const MeshShade shade = {model, drawable, projection, target, mesh_shade_kernel(level)};
     std::atomic<bool> drawn = false;
     GBuffer& gbuffer = out;
     parallel_blocks(view.threads, rows, 8, [&](size_t begin, size_t end) {

@@ -6,13 +6,10 @@
 #include <cmath>
 
 #include "core/surface/corner_normals.h"
-#include "render/sky_light.h"
 #include "render/srgb.h"
 
 namespace strata {
 namespace {
-
-constexpr size_t kAhead = 32;  // pixels that are looked up before they are drawn
 
 constexpr float kLineWidth = 1.0f;     // pixels, of wires
 constexpr float kLineDarkness = 0.75f;  // of linear light, in full
@@ -38,25 +35,6 @@ PlaneHit meet(const std::array<Vec3d, 3>& corners, const MeshProjection::Ray& ra
     hit.over_b = hit.from.dot(hit.cross_c);
     hit.over_c = ray.direction.dot(hit.from.cross(hit.edge_b));
     return hit;
-}
-
-// Of the corners, within the triangle, as a pixel's center may lie beside it by the rounding of corners.
-Vec3d weights_of(const PlaneHit& hit) {
-    double b = hit.over_b / hit.det, c = hit.over_c / hit.det;
-    b = b > 0.0 ? std::min(b, 1.0) : 0.0;  // 0 for NaN, too
-    c = c > 0.0 ? std::min(c, 1.0) : 0.0;
-    const double sum = b + c;
-    if (sum > 1.0) b /= sum, c /= sum;
-    return {std::max(1.0 - b - c, 0.0), b, c};
-}
-
-// On the triangle's plane, but not beyond its corners: seen from the side, the plane may be anywhere.
-double depth_of(const MeshProjection& view, const PlaneHit& hit, const Vec3d& first, const Vec3d& weights) {
-    const double at_first = view.forward.dot(first), to_b = view.forward.dot(hit.edge_b), to_c = view.forward.dot(hit.edge_c);
-    const double on_plane = at_first + (hit.over_b * to_b + hit.over_c * to_c) / hit.det;
-    const double depth = std::isfinite(on_plane) ? std::clamp(on_plane, at_first + std::min({0.0, to_b, to_c}), at_first + std::max({0.0, to_b, to_c}))
-                                                 : at_first + weights[1] * to_b + weights[2] * to_c;
-    return std::max(depth, view.near_depth);
 }
 
 // How much of a pixel the wires of its triangle cover, where triangles are large enough to have them.
@@ -85,13 +63,21 @@ float wire_cover(const MeshProjection& view, const PlaneHit& hit, const MeshProj
     return cover * strength;
 }
 
-Vec3f smooth_normal(const MeshModel& model, uint32_t triangle, const Vec3f& weights, const Vec3f& face) {
-    const uint32_t* const packed = model.corners.data() + 3 * size_t(triangle);
-    if (packed[0] == kNoNormal) return face;
-    if (packed[0] == packed[1] && packed[0] == packed[2]) return unpack_normal(packed[0]);
-    const Vec3f sum = weights[0] * unpack_normal(packed[0]) + weights[1] * unpack_normal(packed[1]) + weights[2] * unpack_normal(packed[2]);
-    const float square = sum.squaredNorm();
-    return square > 0.0f ? Vec3f(sum / std::sqrt(square)) : face;
+// The color of a pixel of a block.
+Rgba8 color_of(const MeshModel& model, const MeshProjection& view, const ShadeBlock& block, size_t i, uint32_t triangle) {
+    const bool front = block.front[i] != 0;
+    const Vec3f normal(block.normal[0][i], block.normal[1][i], block.normal[2][i]);
+    Vec3f light = !front && model.style.mark_backs
+                      ? linear_light(kBackColor)
+                      : model.colors.light(*model.mesh, triangle, Vec3f(block.weights[0][i], block.weights[1][i], block.weights[2][i]), block.z[i], normal);
+    if (model.colors.rule() != MeshColors::Rule::normal) light *= block.light[i];
+    if (model.style.wireframe) {
+        const auto& [a, b, c] = model.mesh->triangles[triangle];
+        const MeshProjection::Ray ray = view.ray(block.x_px[i], block.y_px);
+        const std::array<Vec3d, 3> corners = {model.mesh->positions[a] - view.eye, model.mesh->positions[b] - view.eye, model.mesh->positions[c] - view.eye};
+        light *= 1.0f - kLineDarkness * wire_cover(view, meet(corners, ray), ray);
+    }
+    return make_rgba(srgb8_from_linear(light[0]), srgb8_from_linear(light[1]), srgb8_from_linear(light[2]));
 }
 
 }  // namespace
@@ -100,52 +86,48 @@ bool MeshShade::draw_row(uint32_t row, uint32_t left, uint32_t right, GBuffer& o
     const TriangleMesh& mesh = *model.mesh;
     const uint64_t* const words = target.words + size_t(row) * target.width;
     const size_t first_pixel = size_t(target.first_row + row - out.first_row) * out.width;
-    const double y = double(target.first_row + row) + 0.5;
-    const bool smooth = !model.corners.empty(), by_normal = model.colors.rule() == MeshColors::Rule::normal;
+    const bool smooth = !model.corners.empty();
+    ShadeBlock block;
+    block.y_px = double(target.first_row + row) + 0.5;
+    std::fill(block.packed[0], block.packed[0] + 3 * kShadeBlock, kNoNormal);
+    std::fill(block.x_px, block.x_px + kShadeBlock, 0.0);
+    std::fill(block.corners[0], block.corners[0] + 9 * kShadeBlock, 0.0);
+    std::array<uint32_t, kShadeBlock> columns;
     bool drawn = false;
-    for (uint32_t begin = left; begin < right; begin += kAhead) {
-        const uint32_t end = std::min<uint32_t>(begin + kAhead, right);
+    for (uint32_t next = left; next < right;) {
+        block.count = 0;
+        for (; next < right && block.count < kShadeBlock; ++next) {
+            columns[block.count] = next;
+            block.count += words[next] != 0;
+        }
+        if (block.count == 0) break;
         // What they show lies anywhere in memory.
-        for (uint32_t x = begin; x < end; ++x)
-            if (words[x] != 0) __builtin_prefetch(&mesh.triangles[~uint32_t(words[x])]);
-        for (uint32_t x = begin; x < end; ++x) {
-            if (words[x] == 0) continue;
-            const uint32_t triangle = ~uint32_t(words[x]);
-            for (const uint32_t vertex : mesh.triangles[triangle]) __builtin_prefetch(&mesh.positions[vertex]);
+        for (size_t i = 0; i < block.count; ++i) {
+            const uint32_t triangle = ~uint32_t(words[columns[i]]);
+            __builtin_prefetch(&mesh.triangles[triangle]);
             if (smooth) __builtin_prefetch(&model.corners[3 * size_t(triangle)]);
         }
-        for (uint32_t x = begin; x < end; ++x) {
-            if (words[x] == 0) continue;
-            const uint32_t triangle = ~uint32_t(words[x]);
-            const auto& [a, b, c] = mesh.triangles[triangle];
-            const std::array<Vec3d, 3> corners = {mesh.positions[a] - view.eye, mesh.positions[b] - view.eye, mesh.positions[c] - view.eye};
-            const MeshProjection::Ray ray = view.ray(double(x) + 0.5, y);
-            const PlaneHit hit = meet(corners, ray);
-            const Vec3d weights = weights_of(hit);
-            const float depth = float(depth_of(view, hit, corners[0], weights));
-            const size_t pixel = first_pixel + x;
-            if (!(depth < out.depths[pixel])) continue;
-            drawn = true;
-
-            const bool front = hit.det >= 0.0;
-            Vec3f face = hit.edge_b.cross(hit.edge_c).stableNormalized().cast<float>();
-            if (!(face.squaredNorm() > 0.5f)) face = (front ? -view.forward : view.forward).cast<float>();  // no area
-            const Vec3f parts = weights.cast<float>();
-            Vec3f normal = smooth ? smooth_normal(model, triangle, parts, face) : face;
-            if (!front) normal = -normal;
-            Vec3f light;
-            if (!front && model.style.mark_backs) {
-                light = linear_light(kBackColor);
-            } else {
-                const double z = view.eye.z() + corners[0].z() + weights[1] * hit.edge_b.z() + weights[2] * hit.edge_c.z();
-                light = model.colors.light(mesh, triangle, parts, z, normal);
+        for (size_t i = 0; i < block.count; ++i)
+            for (const uint32_t vertex : mesh.triangles[~uint32_t(words[columns[i]])]) __builtin_prefetch(&mesh.positions[vertex]);
+        for (size_t i = 0; i < block.count; ++i) {
+            const size_t triangle = ~uint32_t(words[columns[i]]);
+            block.x_px[i] = double(columns[i]) + 0.5;
+            for (size_t corner = 0; corner < 3; ++corner) {
+                const Vec3d& p = mesh.positions[mesh.triangles[triangle][corner]];
+                for (size_t axis = 0; axis < 3; ++axis) block.corners[3 * corner + axis][i] = p[int(axis)];
+                if (smooth) block.packed[corner][i] = model.corners[3 * triangle + corner];
             }
-            if (!by_normal) light *= sky_light(normal);
-            if (model.style.wireframe) light *= 1.0f - kLineDarkness * wire_cover(view, hit, ray);
-            out.colors[pixel] = make_rgba(srgb8_from_linear(light[0]), srgb8_from_linear(light[1]), srgb8_from_linear(light[2]));
-            out.depths[pixel] = depth;
+        }
+        meet_triangles(view, block);
+        for (size_t i = 0; i < block.count; ++i) {
+            const size_t pixel = first_pixel + columns[i];
+            if (!(block.depth[i] < out.depths[pixel])) continue;
+            const uint32_t triangle = ~uint32_t(words[columns[i]]);
+            drawn = true;
+            out.colors[pixel] = color_of(model, view, block, i, triangle);
+            out.depths[pixel] = block.depth[i];
             if (!out.splat_px.empty()) out.splat_px[pixel] = 1;
-            if (!out.ids.empty()) out.ids[pixel] = make_pixel_id(front ? kFrontSlot : kBackSlot, triangle, drawable);
+            if (!out.ids.empty()) out.ids[pixel] = make_pixel_id(block.front[i] != 0 ? kFrontSlot : kBackSlot, triangle, drawable);
         }
     }
     return drawn;

@@ -5,6 +5,7 @@
 #include "render/gbuffer.h"
 #include "render/mesh_model.h"
 #include "render/pass/mesh_kernel.h"
+#include "render/pass/mesh_shade_kernel.h"
 
 namespace strata {
 
@@ -14,6 +15,7 @@ struct MeshShade {
     uint32_t drawable;
     const MeshProjection& view;
     const MeshTarget& target;
+    MeetTriangles meet_triangles;
 
     /// Row `row` of the target, columns [left, right), into a G-buffer that has its rows, where what is there is farther.
     /// returns  whether any pixel was drawn

@@ -99,7 +99,7 @@ std::vector<uint64_t> words_of(const RasterTriangle& t, SimdLevel level, bool as
     block.first = 0;
     block.count = 1;
     kernels.sort({&corners, vertices.data()}, target, block);
-    kernels.draw_small({&corners, vertices.data()}, target, block, Sharing::shared);
+    kernels.draw_small(target, block, Sharing::shared);
     return words;
 }
 
