@@ -18,7 +18,7 @@ struct MeshStyle {
     bool mark_backs = false;  // triangles that are seen from behind get a color of their own
 };
 
-/// A mesh as a scene has it. The mesh must outlive it.
+/// A mesh as a scene has it. The mesh must outlive it, and not change.
 struct MeshModel {
     /// cost  that of corner_normals for smooth ones
     MeshModel(const TriangleMesh& drawn, MeshColors painted, const MeshStyle& drawn_as = {}, int threads = 1);
@@ -28,6 +28,7 @@ struct MeshModel {
     MeshColors colors;
     MeshStyle style;
     std::vector<uint32_t> corners;  // normals by corner_normals; empty for flat ones
+    uint64_t serial;                // no other model has it but copies of this one
 };
 
 /// Bytes of memory that a model takes with its mesh, and most while it is made; normals: whether the mesh has them

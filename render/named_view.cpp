@@ -79,12 +79,21 @@ void add_sample(const TriangleMesh& mesh, std::vector<Vec3d>& points) {
         for (int y = -1; y <= 1; ++y)
             for (int z = -1; z <= 1; ++z)
                 if (x != 0 || y != 0 || z != 0) directions.push_back(Vec3d(x, y, z).normalized());
-    std::vector<uint32_t> outermost(directions.size(), mesh.triangles[0][0]);
+    std::vector<bool> used(mesh.positions.size(), false);
     for (const std::array<uint32_t, 3>& triangle : mesh.triangles)
-        for (const uint32_t vertex : triangle)
-            for (size_t i = 0; i < directions.size(); ++i)
-                if (directions[i].dot(mesh.positions[vertex] - mesh.positions[outermost[i]]) > 0.0) outermost[i] = vertex;
-    for (const uint32_t vertex : outermost) points.push_back(mesh.positions[vertex]);
+        for (const uint32_t vertex : triangle) used[vertex] = true;
+    const Vec3d origin = mesh.positions[mesh.triangles[0][0]];
+    std::vector<size_t> outermost(directions.size(), mesh.triangles[0][0]);
+    std::vector<double> farthest(directions.size(), 0.0);
+    for (size_t vertex = 0; vertex < used.size(); ++vertex) {
+        if (!used[vertex]) continue;
+        const Vec3d p = mesh.positions[vertex] - origin;
+        for (size_t i = 0; i < directions.size(); ++i) {
+            const double reach = directions[i].dot(p);
+            if (reach > farthest[i]) farthest[i] = reach, outermost[i] = vertex;
+        }
+    }
+    for (const size_t vertex : outermost) points.push_back(mesh.positions[vertex]);
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "render/pass/edl_kernel.h"
 #include "render/pass/fill_kernel.h"
 #include "render/pass/fill_pass.h"
+#include "render/pass/mesh_gl_pass.h"
 #include "render/pass/mesh_pass.h"
 #include "render/pass/points_kernel.h"
 #include "render/pass/ssao_pass.h"
@@ -167,7 +168,8 @@ struct Renderer::Frame {
     Stopwatch& watch;
     PointsGlPass* gpu_points = nullptr;  // none: the CPU draws them
     VoxelsGlPass* gpu_voxels = nullptr;
-    uint64_t gpu_bytes = 0;  // most that points take of its memory, and as much that voxels do
+    MeshGlPass* gpu_meshes = nullptr;
+    uint64_t gpu_bytes = 0;  // most that points take of its memory, and as much that voxels do, and meshes
     std::vector<bool> meshes_seen = {};
 };
 
@@ -212,6 +214,7 @@ struct Renderer::Gl {
     bool software;
     GlPass<PointsGlPass> points;
     GlPass<VoxelsGlPass> voxels;
+    GlPass<MeshGlPass> meshes;
     std::optional<EdlPass> edl;
     std::optional<FillPass> fill;
     std::optional<SsaoPass> ssao;
@@ -278,7 +281,7 @@ Pass* Renderer::gpu_pass(GlPass<Pass> Gl::* place, const RenderSettings& setting
 
 // Selects, loads and cuts. used_bytes: of the memory cap, by what is not points
 Renderer::ChosenPoints Renderer::choose_points(Frame& frame, LayeredCloud& cloud, uint64_t used_bytes) {
-    auto& [camera, settings, report, watch, gpu_points, gpu_voxels, gpu_bytes, meshes_seen] = frame;
+    auto& [camera, settings, report, watch, gpu_points, gpu_voxels, gpu_meshes, gpu_bytes, meshes_seen] = frame;
     const bool normals = settings.splat.shape == SplatShape::surfel;
     const ResidencySettings residency = {settings.color, settings.colormap, settings.range, settings.filter, normals, settings.threads};
     if (!resident_ || !resident_->is_for(cloud, residency)) {
@@ -332,7 +335,7 @@ Renderer::ChosenPoints Renderer::choose_points(Frame& frame, LayeredCloud& cloud
 }
 
 void Renderer::draw_points(Frame& frame, const LayeredCloud& cloud, const ChosenPoints& chosen, const Strip& strip, GBuffer& out) {
-    auto& [camera, settings, report, watch, gpu_points, gpu_voxels, gpu_bytes, meshes_seen] = frame;
+    auto& [camera, settings, report, watch, gpu_points, gpu_voxels, gpu_meshes, gpu_bytes, meshes_seen] = frame;
     PointsPass& pass = buffers_->points;
     PointProjection projection(camera, cloud.info().quantization, settings.width, settings.height);
     projection.center_x -= strip.offset_px.x();
@@ -371,10 +374,13 @@ void Renderer::draw_voxels(Frame& frame, const Scene& scene, const Strip& strip,
 
 void Renderer::draw_meshes(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out) {
     const RenderSettings& settings = frame.settings;
-    const MeshView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads};
     frame.meshes_seen.resize(scene.meshes.size());
-    for (size_t i = 0; i < scene.meshes.size(); ++i)
+    for (size_t i = 0; i < scene.meshes.size(); ++i) {
+        const TriangleMesh& mesh = *scene.meshes[i].mesh;
+        const bool fits = MeshGlPass::gpu_bytes(mesh.positions.size(), mesh.triangles.size()) <= frame.gpu_bytes;
+        const MeshView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads, fits ? frame.gpu_meshes : nullptr};
         if (buffers_->meshes.draw(scene.meshes[i], uint32_t(1 + scene.voxels.size() + i), view, out)) frame.meshes_seen[i] = true;
+    }
 }
 
 RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, const RenderSettings& settings,
@@ -392,12 +398,13 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
     if (gl_) gl_->context.make_current();  // another renderer's may be
     PointsGlPass* const gpu_points = scene.cloud != nullptr ? gpu_pass(&Gl::points, settings) : nullptr;
     VoxelsGlPass* const gpu_voxels = !scene.voxels.empty() ? gpu_pass(&Gl::voxels, settings) : nullptr;
-    const int on_gpu = (gpu_points != nullptr) + (gpu_voxels != nullptr);
+    MeshGlPass* const gpu_meshes = !scene.meshes.empty() ? gpu_pass(&Gl::meshes, settings) : nullptr;
+    const int on_gpu = (gpu_points != nullptr) + (gpu_voxels != nullptr) + (gpu_meshes != nullptr);
     report.rasterizer = on_gpu > 0 ? Rasterizer::gpu : Rasterizer::cpu;
     const uint64_t uploaded_before = gpu_points != nullptr ? gpu_points->uploaded_bytes() : 0;
     // Of the GPU's memory, which is the program's own with software GL.
     const uint64_t gpu_bytes = on_gpu > 0 ? settings.memory_bytes / kGpuShare : 0;
-    Frame frame = {camera, settings, report, watch, gpu_points, gpu_voxels, gpu_bytes};
+    Frame frame = {camera, settings, report, watch, gpu_points, gpu_voxels, gpu_meshes, gpu_bytes};
     if (gl_) watch.lap("gl start");
 
     const uint32_t strip_rows = choose_strip_rows(settings);

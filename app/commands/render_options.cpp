@@ -42,7 +42,7 @@ constexpr OptionRow kRows[] = {
     {"--point-size", "", "adaptive|PIXELS", "adaptive", "diameter of a point; adaptive: from the spacing of the points, so that surfaces close"},
     {"--min-point-size", "", "PIXELS", "1", "least diameter of adaptive sizes"},
     {"--max-point-size", "", "PIXELS", "255", "largest diameter of adaptive sizes, at most 256"},
-    {"--rasterizer", "", "auto|cpu|gpu", "auto", "what draws points and voxels; both draw the same picture. gpu: compute shaders, also of software OpenGL; auto: gpu where there is one"},
+    {"--rasterizer", "", "auto|cpu|gpu", "auto", "what draws points, voxels and meshes; both draw the same picture. gpu: shaders, also of software OpenGL; auto: gpu where there is one"},
     {"--error", "", "PIXELS", "1", "detail: points left out lie this near to drawn ones, and cells of voxels that look no larger are drawn whole"},
     {"--budget", "", "POINTS", "20000000", "most points to draw; the root is always drawn"},
     {"--clip", "", "BOX[;BOX...]", "", "draw only what is in a box: xmin,ymin,zmin,xmax,ymax,zmax, CRS units, faces included; a number left out is open. Views are framed around the boxes"},

@@ -4,11 +4,13 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "core/parallel.h"
 #include "render/pass/mesh_clip.h"
 #include "render/pass/mesh_cut.h"
+#include "render/pass/mesh_gl_pass.h"
 #include "render/pass/mesh_kernel.h"
 #include "render/pass/mesh_shade.h"
 
@@ -78,6 +80,14 @@ public:
           geometry_{mesh.triangles.data(), vertices.data()}, waiting_(waiting), kernels_(kernels),
           bands_((seen.bottom - seen.top + kBandRows - 1) / kBandRows) {}
 
+    /// What does not lie within the reach; the words of all else are there.
+    void draw_beyond(const MeshGlPass::Reach& reach) {
+        const auto holds = [&](const ProjectedVertex& v) { return reach.holds(v); };
+        if (std::all_of(geometry_.vertices, geometry_.vertices + mesh_.positions.size(), holds)) return;
+        within_ = reach;
+        draw();
+    }
+
     void draw() {
         const uint64_t count = mesh_.triangles.size();
         waiting_.resize(std::max(waiting_.size(), size_t(view_.threads)));
@@ -112,6 +122,10 @@ private:
         for (size_t i = 0; i < block.count; ++i) {
             TriangleKind& kind = block.kinds[i];
             if (kind == TriangleKind::nothing) continue;
+            if (within_ && all_within(block.first + uint32_t(i))) {
+                kind = TriangleKind::nothing;
+                continue;
+            }
             bool clipped = false;
             if (!clip_.everything()) {
                 const Coverage left = clip_.coverage(corners_of(block.first + uint32_t(i)));
@@ -126,6 +140,11 @@ private:
             kind = TriangleKind::nothing;
         }
         kernels_.draw_small(target_, block, sharing);
+    }
+
+    bool all_within(uint32_t number) const {
+        const std::array<uint32_t, 3>& corners = mesh_.triangles[number];
+        return std::all_of(corners.begin(), corners.end(), [&](uint32_t vertex) { return within_->holds(geometry_.vertices[vertex]); });
     }
 
     std::array<Vec3d, 3> corners_of(uint32_t number) const {
@@ -187,7 +206,14 @@ private:
     std::vector<Waiting>& waiting_;
     const MeshKernels& kernels_;
     uint32_t bands_;
+    std::optional<MeshGlPass::Reach> within_;  // triangles in it are drawn already
 };
+
+void clear_words(const MeshTarget& target, int threads) {
+    parallel_blocks(threads, target.rows, 64, [&](size_t begin, size_t end) {
+        std::fill(target.words + begin * target.width, target.words + end * target.width, uint64_t{0});
+    });
+}
 
 }  // namespace
 
@@ -213,11 +239,15 @@ bool MeshPass::draw(const MeshModel& model, uint32_t drawable, const MeshView& v
     });
     const uint32_t rows = seen.bottom - seen.top;
     words.resize(std::max(words.size(), size_t(out.width) * rows));
-    parallel_blocks(view.threads, rows, 64, [&](size_t begin, size_t end) {
-        std::fill(words.begin() + ptrdiff_t(begin * out.width), words.begin() + ptrdiff_t(end * out.width), uint64_t{0});
-    });
     const MeshTarget target = {words.data(), out.width, seen.top, rows};
-    MeshDrawing(mesh, view, projection, target, seen, vertices, waiting, kernels).draw();
+    MeshDrawing drawing(mesh, view, projection, target, seen, vertices, waiting, kernels);
+    if (view.gpu != nullptr && view.clips.empty() && view.gpu->takes(vertices.size(), mesh.triangles.size())) {
+        view.gpu->draw({model.serial, mesh.triangles, vertices}, target);
+        drawing.draw_beyond(view.gpu->reach(target));
+    } else {
+        clear_words(target, view.threads);
+        drawing.draw();
+    }
 
     const MeshShade shade = {model, drawable, projection, target, mesh_shade_kernel(level)};
     std::atomic<bool> drawn = false;

@@ -12,6 +12,8 @@
 
 namespace strata {
 
+class MeshGlPass;
+
 /// How meshes are drawn into rows of a picture.
 struct MeshView {
     const Camera& camera;
@@ -19,6 +21,7 @@ struct MeshView {
     Vec2f offset_px;               // of a sample, from the middle of its pixel
     std::span<const ClipBox> clips;
     int threads = 1;
+    MeshGlPass* gpu = nullptr;  // draws what it takes, where there are no clip boxes; the picture is the same
 };
 
 /// Draws triangles, both sides of them, into a G-buffer: color, eye depth, id and, where the G-buffer has it, splat_px, which is 1: there are no
