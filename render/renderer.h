@@ -23,7 +23,7 @@
 
 namespace strata {
 
-/// Who rasterizes points and casts rays to voxels: the two draw the same picture. automatic: compute shaders where there is a GPU
+/// Who rasterizes points and meshes and casts rays to voxels: the two draw the same picture. automatic: shaders where there is a GPU
 /// that takes them, else the CPU
 enum class Rasterizer { automatic, cpu, gpu };
 
