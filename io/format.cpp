@@ -36,6 +36,7 @@ constexpr std::array kFormats = {
     Format{"ply", "Stanford polygon file, a mesh", ".ply", FormatKind::mesh, false},
     Format{"obj", "Wavefront OBJ, a mesh", ".obj", FormatKind::mesh, false},
     Format{"stl", "STL, a mesh", ".stl", FormatKind::mesh, false},
+    Format{"glb", "glTF 2.0 in one file, a mesh", ".glb", FormatKind::not_readable, false},
     Format{"svo", "voxels, a sparse octree of strata", ".svo", FormatKind::voxels, true},
     Format{"vdb", "OpenVDB, sparse grids: level sets, fog volumes, masks", ".vdb", FormatKind::grids, true},
     Format{"metaimage", "MetaImage, values on a grid", ".mha .mhd", FormatKind::volume, false},
@@ -140,6 +141,7 @@ const Format& identify_bytes(const ByteSource& source) {
     if (head.starts_with("DRACO")) return format_named("drc");
     if (head.starts_with("\x89SVO")) return format_named("svo");
     if (is_vdb(head)) return format_named("vdb");
+    if (head.starts_with("glTF")) return format_named("glb");
     if (head.starts_with("pnts")) return format_named("3dtiles");
     if (looks_like_nrrd(head)) return format_named("nrrd");
     if (looks_like_vtk(head)) return format_named("vtk");

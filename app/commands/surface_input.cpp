@@ -10,12 +10,13 @@
 
 #include "app/commands/voxel_input.h"
 #include "core/error.h"
+#include "core/surface/coverage_field.h"
 #include "core/surface/cube_surface.h"
 #include "core/voxel/voxel_bounds.h"
 #include "core/voxel/voxel_tree_builder.h"
 #include "io/format.h"
 #include "io/svo/svo_file.h"
-#include "io/vdb/vdb_slices.h"
+#include "io/vdb/vdb_field.h"
 
 namespace strata {
 namespace {
@@ -53,12 +54,15 @@ public:
 
 protected:
     ContourInput(const SurfaceRequest& request, ContourInside inside) {
-        if (request.method == SurfaceMethod::cubes) throw Error(ErrorKind::usage, "--method cubes is for voxels, and what voxelize makes voxels of; of values on a grid marching-cubes makes a surface");
-        for (const auto& [given, flag] : {std::pair(request.voxel_size.has_value(), "--voxel-size"), std::pair(request.error.has_value(), "--error")})
-            if (given) throw Error(ErrorKind::usage, std::string(flag) + " is for --method cubes; here the grid says where samples lie");
         settings_ = {.isovalues = request.isovalues, .inside = request.inside.value_or(inside), .close = request.close, .normals = request.normals, .threads = request.threads, .memory_bytes = request.memory_bytes};
     }
 
+    // Of what has samples of its own.
+    static void refuse_flags_of_voxels(const SurfaceRequest& request) {
+        if (request.method == SurfaceMethod::cubes) throw Error(ErrorKind::usage, "--method cubes is for voxels, and what voxelize makes voxels of; of values on a grid marching-cubes makes a surface");
+        for (const auto& [given, flag] : {std::pair(request.voxel_size.has_value(), "--voxel-size"), std::pair(request.error.has_value(), "--error")})
+            if (given) throw Error(ErrorKind::usage, std::string(flag) + " is for voxels; here the grid says where samples lie");
+    }
     // After the isovalues are known.
     void set_colors() {
         if (settings_.isovalues.size() < 2) return;
@@ -108,6 +112,7 @@ class VolumeInput : public ContourInput {
 public:
     VolumeInput(const std::string& path, const SurfaceRequest& request)
         : ContourInput(request, ContourInside::above), volume_(request.raw ? open_raw_volume(open_file(path), *request.raw) : open_volume(path)) {
+        refuse_flags_of_voxels(request);
         if (!request.grid.empty()) throw Error(ErrorKind::usage, "--grid: " + path + " is no .vdb file");
         notes = volume_->header().notes;
         if (settings_.isovalues.empty()) {
@@ -142,6 +147,7 @@ class GridInput : public ContourInput {
 public:
     GridInput(const std::string& path, const SurfaceRequest& request)
         : ContourInput(request, ContourInside::above), field_(open_vdb_field(path, {.grid = request.grid, .memory_bytes = request.memory_bytes, .scratch = request.scratch})) {
+        refuse_flags_of_voxels(request);
         const bool is_level_set = field_->grid().grid_class == "level set";
         if (is_level_set && !request.inside) settings_.inside = ContourInside::below;
         if (is_level_set && settings_.isovalues.empty()) settings_.isovalues = {0.0};
@@ -157,123 +163,137 @@ public:
 
     Box3d bounds() const override { return field_->bounds(); }
     double edge() const override { return field_->grid().voxel_size->cwiseAbs().minCoeff(); }
-    void extract(SurfaceSink& out, ProgressLine& progress) override {
-        VdbSlices dense(*field_);
-        SlicesWithProgress slices(dense, progress);
-        say_what_was_found(contour_slices(slices, settings_, out), field_->least(), field_->greatest());
-    }
+    void extract(SurfaceSink& out, ProgressLine&) override { say_what_was_found(contour_bricks(*field_, settings_, out), field_->least(), field_->greatest()); }
 
 private:
     std::unique_ptr<VdbField> field_;
 };
 
+/// Voxels to make a surface of, and the depth whose cells are taken.
+struct SurfaceVoxels {
+    VoxelTree tree;
+    int depth = 1;
+    std::vector<std::string> notes;
+
+    // A step between two cells of a depth, world units.
+    double cell_size(int of_depth) const { return tree.frame.side() * tree.frame.voxel_size * std::ldexp(1.0, -of_depth); }
+    double cell_size() const { return cell_size(depth); }
+    bool has_colors() const {
+        return std::any_of(tree.attributes.begin(), tree.attributes.end(), [](const CellAttributes& cells) { return !cells.colors.empty(); });
+    }
+};
+
+// A size that was computed, or typed with a few digits, is as large as another all the same.
+bool is_larger(double size, double other) { return size > other * (1.0 + 1e-9); }
+
+// method  that of cubes needs no finer cells than it takes, the other counts voxels in them
+SurfaceVoxels load_voxels(const std::string& path, SurfaceMethod method, const SurfaceRequest& request) {
+    if (!request.grid.empty()) throw Error(ErrorKind::usage, "--grid: " + path + " is no .vdb file");
+    if (request.voxel_size && request.error) throw Error(ErrorKind::usage, "--voxel-size and --error: one of them is expected");
+    SurfaceVoxels voxels;
+    const SvoFile file = open_svo(path);
+    const VoxelFrame& frame = file.frame();
+    const auto size_of_level = [&](int levels) { return frame.voxel_size * std::ldexp(1.0, 2 * (frame.levels - levels)); };
+    const uint64_t room = request.memory_bytes / 2;
+    int levels = frame.levels;
+    while (method == SurfaceMethod::cubes && request.voxel_size && levels > 1 && !is_larger(size_of_level(levels - 1), *request.voxel_size)) --levels;
+    if (file.memory_bytes(levels, true) > room) {
+        levels = file.levels_within(room, true);
+        voxels.notes.push_back("--memory has room for cells of " + number_text(size_of_level(levels)) + ", coarser than asked for");
+    }
+    voxels.tree = file.load(levels, true, request.threads);
+    voxels.depth = std::max(voxels.tree.depth(), 1);
+    if (request.voxel_size)
+        while (voxels.depth > 1 && !is_larger(voxels.cell_size(voxels.depth - 1), *request.voxel_size)) --voxels.depth;
+    if (request.error && !voxels.tree.empty()) voxels.depth = depth_of_error(voxels.tree, *request.error);
+    return voxels;
+}
+
+SurfaceVoxels make_voxels(std::span<const std::string> words, bool is_grid, const SurfaceRequest& request) {
+    if (request.error) throw Error(ErrorKind::usage, "--error is for .svo files; --voxel-size is expected here");
+    if (!is_grid && !request.voxel_size) throw Error(ErrorKind::usage, "--voxel-size S is expected, to make voxels of " + words[0]);
+    VoxelRequest voxel_request = {.voxel_size = request.voxel_size.value_or(1.0), .grid = request.grid, .scratch_folder = request.scratch_folder, .threads = request.threads, .memory_bytes = request.memory_bytes / 2};
+    if (request.voxel_size) voxel_request.not_for_grids = "--voxel-size";
+    if (!request.grid.empty()) voxel_request.for_grids = "--grid";
+    const std::unique_ptr<VoxelInput> input = open_voxel_input(words, voxel_request);
+    ProgressLine progress(true);
+    for (bool again = false;; again = true) {
+        const VoxelAttributes attributes = {.color = input->attributes().color};
+        VoxelTreeInMemory memory(input->frame(), attributes, request.memory_bytes / 2);
+        VoxelTreeBuilder builder(input->frame(), attributes, memory);
+        const bool done = input->voxelize([&](const VoxelBatch& batch) { builder.add(batch); }, progress);
+        builder.finish();
+        if (!done && again) throw Error(ErrorKind::malformed, words[0] + ": points lie outside of their own bounds");
+        if (!done) continue;
+        SurfaceVoxels voxels{.tree = memory.take(), .notes = input->notes};
+        voxels.depth = std::max(voxels.tree.depth(), 1);
+        return voxels;
+    }
+}
+
 /// Faces of voxels.
 class CubesInput : public SurfaceInput {
 public:
+    CubesInput(SurfaceVoxels voxels, const SurfaceRequest& request) : voxels_(std::move(voxels)), settings_{.depth = voxels_.depth, .colors = voxels_.has_colors(), .threads = request.threads} {
+        for (const auto& [given, flag] : {std::pair(!request.isovalues.empty(), "--iso"), std::pair(request.inside.has_value(), "--inside"), std::pair(request.normals, "--normals")})
+            if (given) throw Error(ErrorKind::usage, std::string(flag) + " is for --method marching-cubes");
+        notes = voxels_.notes;
+    }
+
     SurfaceMethod method() const override { return SurfaceMethod::cubes; }
-    Box3d bounds() const override { return occupied_bounds(tree_); }
-    double edge() const override { return cell_size(settings_.depth); }
+    Box3d bounds() const override { return occupied_bounds(voxels_.tree); }
+    double edge() const override { return voxels_.cell_size(); }
     bool has_normals() const override { return false; }
     bool has_colors() const override { return settings_.colors; }
     void extract(SurfaceSink& out, ProgressLine&) override {
-        counts_ = mesh_cubes(tree_, settings_, out);
+        counts_ = mesh_cubes(voxels_.tree, settings_, out);
         if (counts_.solid_voxels == 0) notes.emplace_back("there are no voxels: the mesh is empty");
     }
     void add_to(ordered_json& report) const override {
         report.update({{"cell_size", edge()}, {"solid_voxels", counts_.solid_voxels}, {"faces_uncut", counts_.faces_uncut}, {"faces_culled", counts_.faces_culled}, {"rectangles", counts_.rectangles}});
     }
 
-protected:
-    explicit CubesInput(const SurfaceRequest& request) : settings_{.threads = request.threads} {
-        if (request.method == SurfaceMethod::marching_cubes) throw Error(ErrorKind::usage, "--method marching-cubes is for volumes and .vdb files so far; here --method cubes makes a surface");
-        for (const auto& [given, flag] : {std::pair(!request.isovalues.empty(), "--iso"), std::pair(request.inside.has_value(), "--inside"), std::pair(request.normals, "--normals")})
-            if (given) throw Error(ErrorKind::usage, std::string(flag) + " is for --method marching-cubes");
-    }
-
-    // A step between two cells of a depth, world units.
-    double cell_size(int depth) const { return tree_.frame.side() * tree_.frame.voxel_size * std::ldexp(1.0, -depth); }
-
-    void take(VoxelTree tree) {
-        tree_ = std::move(tree);
-        settings_.depth = std::max(tree_.depth(), 1);
-        settings_.colors = std::any_of(tree_.attributes.begin(), tree_.attributes.end(), [](const CellAttributes& cells) { return !cells.colors.empty(); });
-    }
-
-    CubeSurfaceSettings settings_;
-    VoxelTree tree_;
-
 private:
+    SurfaceVoxels voxels_;
+    CubeSurfaceSettings settings_;
     CubeSurfaceCounts counts_;
 };
 
-/// Voxels of a file.
-class VoxelFileInput : public CubesInput {
+/// How much of cells is occupied, as values on a grid.
+class CoverageInput : public ContourInput {
 public:
-    VoxelFileInput(const std::string& path, const SurfaceRequest& request) : CubesInput(request) {
-        if (!request.grid.empty()) throw Error(ErrorKind::usage, "--grid: " + path + " is no .vdb file");
-        const SvoFile file = open_svo(path);
-        const uint64_t room = request.memory_bytes / 2;
-        int levels = file.frame().levels;
-        if (request.voxel_size) levels = std::min(levels, levels_of(file.frame(), *request.voxel_size));
-        if (file.memory_bytes(levels, true) > room) {
-            levels = file.levels_within(room, true);
-            notes.push_back("--memory has room for cells of " + number_text(file.frame().voxel_size * std::ldexp(1.0, 2 * (file.frame().levels - levels))) + ", coarser than asked for");
+    CoverageInput(SurfaceVoxels voxels, const SurfaceRequest& request) : ContourInput(request, ContourInside::above), voxels_(std::move(voxels)) {
+        if (settings_.isovalues.empty()) settings_.isovalues = {0.5};
+        const bool below = settings_.inside == ContourInside::below;
+        for (const double isovalue : settings_.isovalues)
+            if (below || isovalue <= 0.0) throw Error(ErrorKind::usage, below ? "--inside below is not for voxels: nothing is outside" : "--iso: of voxels it is a share above 0, got " + number_text(isovalue));
+        set_colors();
+        notes = voxels_.notes;
+    }
+
+    Box3d bounds() const override { return occupied_bounds(voxels_.tree); }
+    double edge() const override { return voxels_.cell_size(); }
+    void extract(SurfaceSink& out, ProgressLine&) override {
+        if (voxels_.tree.empty()) {
+            notes.emplace_back("there are no voxels: the mesh is empty");
+            return;
         }
-        take(file.load(levels, true, request.threads));
-        if (request.voxel_size) settings_.depth = std::clamp(depth_of(*request.voxel_size), 1, settings_.depth);
-        if (request.error && !tree_.empty()) settings_.depth = depth_of_error(tree_, *request.error);
+        CoverageField field(voxels_.tree, voxels_.depth, settings_.threads);
+        say_what_was_found(contour_bricks(field, settings_, out), 0.0, 1.0);
     }
 
 private:
-    // The least depth whose cells are no larger.
-    int depth_of(double size) const {
-        int depth = 1;
-        while (depth < tree_.depth() && cell_size(depth) > size * (1.0 + 1e-9)) ++depth;
-        return depth;
-    }
-    static int levels_of(const VoxelFrame& frame, double size) {
-        int levels = 1;
-        while (levels < frame.levels && frame.voxel_size * std::ldexp(1.0, 2 * (frame.levels - levels)) > size * (1.0 + 1e-9)) ++levels;
-        return levels;
-    }
+    SurfaceVoxels voxels_;
 };
 
-/// Voxels that are made for it.
-class VoxelizedInput : public CubesInput {
-public:
-    VoxelizedInput(std::span<const std::string> words, bool is_grid, const SurfaceRequest& request) : CubesInput(request) {
-        if (request.error) throw Error(ErrorKind::usage, "--error is for .svo files; --voxel-size is expected here");
-        if (!is_grid && !request.voxel_size) throw Error(ErrorKind::usage, "--voxel-size S is expected, to make voxels of " + words[0]);
-        VoxelRequest voxels = {.voxel_size = request.voxel_size.value_or(1.0), .grid = request.grid, .scratch_folder = request.scratch_folder, .threads = request.threads, .memory_bytes = request.memory_bytes / 2};
-        if (request.voxel_size) voxels.not_for_grids = "--voxel-size";
-        if (!request.grid.empty()) voxels.for_grids = "--grid";
-        input_ = open_voxel_input(words, voxels);
-        memory_ = request.memory_bytes / 2;
-        voxelize();
-    }
+std::unique_ptr<SurfaceInput> surface_of_voxels(SurfaceVoxels voxels, SurfaceMethod method, const SurfaceRequest& request) {
+    if (method == SurfaceMethod::cubes) return std::make_unique<CubesInput>(std::move(voxels), request);
+    return std::make_unique<CoverageInput>(std::move(voxels), request);
+}
 
-private:
-    void voxelize() {
-        ProgressLine progress(true);
-        for (bool again = false;; again = true) {
-            const VoxelAttributes attributes = {.color = input_->attributes().color};
-            VoxelTreeInMemory tree(input_->frame(), attributes, memory_);
-            VoxelTreeBuilder builder(input_->frame(), attributes, tree);
-            const bool done = input_->voxelize([&](const VoxelBatch& batch) { builder.add(batch); }, progress);
-            builder.finish();
-            if (done) {
-                take(tree.take());
-                notes = input_->notes;
-                input_.reset();
-                return;
-            }
-            if (again) throw Error(ErrorKind::malformed, "points lie outside of their own bounds");
-        }
-    }
-
-    std::unique_ptr<VoxelInput> input_;
-    uint64_t memory_ = 0;
-};
+std::unique_ptr<SurfaceInput> surface_of_file(const std::string& path, SurfaceMethod method, const SurfaceRequest& request) {
+    return surface_of_voxels(load_voxels(path, method, request), method, request);
+}
 
 }  // namespace
 
@@ -291,11 +311,11 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         if (words.size() > 1 && kind != FormatKind::points && kind != FormatKind::layered)
             throw Error(ErrorKind::usage, word + ": one volume, grid, mesh or voxel file at a time is expected; only points may come in several files");
         if (kind == FormatKind::volume) return std::make_unique<VolumeInput>(word, request);
-        if (kind == FormatKind::voxels) return std::make_unique<VoxelFileInput>(word, request);
+        if (kind == FormatKind::voxels) return surface_of_file(word, request.method.value_or(SurfaceMethod::cubes), request);
         if (kind == FormatKind::grids && !cubes) return std::make_unique<GridInput>(word, request);
     }
-    if (!cubes) throw Error(ErrorKind::usage, path + ": a volume, a .vdb or a .svo file is expected; of meshes and points --method cubes with --voxel-size makes a surface");
-    return std::make_unique<VoxelizedInput>(words, one && identify_format(path).kind == FormatKind::grids, request);
+    if (!request.method) throw Error(ErrorKind::usage, path + ": of points and meshes --method cubes or marching-cubes with --voxel-size makes a surface");
+    return surface_of_voxels(make_voxels(words, one && identify_format(path).kind == FormatKind::grids, request), *request.method, request);
 }
 
 }  // namespace strata

@@ -253,6 +253,22 @@ TEST_F(CubesOfASphere, OfCoarserCellsBySizeAndByError) {
     EXPECT_EQ(surface({file("a.svo"), "-o", file("c.ply"), "--overwrite", "--error", "1.7"})["cell_size"], 1);
 }
 
+// The share of cells that is occupied crosses 1/2 near the sphere that the voxels fill: of cells of 4 voxels within a cell or so, and it is smooth.
+TEST_F(CubesOfASphere, MarchingCubesOfCoverage) {
+    ASSERT_EQ(run_strata({"voxelize", points_, "-o", file("a.svo"), "--voxel-size", "1", "--quiet"}).exit_code, 0);
+    for (const int side : {1, 2, 4}) {
+        const json report = surface({file("a.svo"), "-o", file("c.ply"), "--overwrite", "--method", "marching-cubes", "--voxel-size", std::to_string(side)});
+        EXPECT_EQ(report["method"], "marching-cubes");
+        EXPECT_EQ(report["isovalues"], json({0.5}));
+        EXPECT_EQ(report["boundary_edges"], 0);
+        EXPECT_EQ(report["nonmanifold_edges"], 0);
+        EXPECT_EQ(report["euler_characteristic"], 2);
+        EXPECT_NEAR(report["volume"].get<double>() / 17'074.0, 1.0, 0.06);
+    }
+    const json points = surface({points_, "-o", file("d.ply"), "--method", "marching-cubes", "--voxel-size", "1"});
+    EXPECT_EQ(points["euler_characteristic"], 2);
+}
+
 // Faces of different colors do not merge: two bars of two voxels have four sides each, and the row two ends.
 TEST_F(Surface, CubesKeepTheColorsOfPoints) {
     test::LasFile points{.point_format = 2, .scale = {0.5, 0.5, 0.5}, .max = {4, 1, 1}};
@@ -282,7 +298,7 @@ TEST_F(Surface, AWrongCommandLineIsExitCode2) {
         {{in, "-o", out, "--iso", "0", "--method", "dual"}, "--method: expected marching-cubes or cubes"},
         {{in, "-o", out, "--iso", "0", "--inside", "left"}, "--inside: expected above or below"},
         {{in, "-o", out, "--iso", "0", "--method", "cubes"}, "--method cubes is for voxels"},
-        {{in, "-o", out, "--iso", "0", "--voxel-size", "1"}, "--voxel-size is for --method cubes"},
+        {{in, "-o", out, "--iso", "0", "--voxel-size", "1"}, "--voxel-size is for voxels"},
         {{in, "-o", out, "--iso", "0", "--grid", "a"}, "is no .vdb file"},
         {{in, "-o", out, "--iso", "0", "--type", "int8"}, "--dimensions XxYxZ is expected"},
         {{in, "-o", out, "--iso", "0", "--dimensions", "4x4"}, "--dimensions: expected three numbers"},
@@ -290,7 +306,9 @@ TEST_F(Surface, AWrongCommandLineIsExitCode2) {
         {{in, "-o", out, "--iso", "0", "--dimensions", "4x4x4", "--type", "rgb"}, "--type: expected int8"},
         {{in, "-o", out, "--iso", "0", "--dimensions", "4x4x4", "--endian", "middle"}, "--endian: expected little or big"},
         {{in, "-o", out, "--iso", "0", "--dimensions", "4x4x4", "--spacing", "1,0,1"}, "--spacing: expected three numbers above 0"},
-        {{file("cube.obj"), "-o", out, "--iso", "0"}, "--method cubes with --voxel-size"},
+        {{file("cube.obj"), "-o", out, "--iso", "0"}, "--method cubes or marching-cubes with --voxel-size"},
+        {{file("cube.obj"), "-o", out, "--method", "marching-cubes", "--voxel-size", "1", "--iso", "0"}, "a share above 0"},
+        {{file("cube.obj"), "-o", out, "--method", "marching-cubes", "--voxel-size", "1", "--inside", "below"}, "nothing is outside"},
         {{file("cube.obj"), "-o", out, "--method", "cubes"}, "--voxel-size S is expected"},
         {{file("cube.obj"), "-o", out, "--method", "cubes", "--voxel-size", "0"}, "--voxel-size: expected a positive number"},
         {{file("cube.obj"), "-o", out, "--method", "cubes", "--voxel-size", "1", "--iso", "0"}, "--iso is for --method marching-cubes"},

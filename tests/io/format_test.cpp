@@ -38,6 +38,7 @@ TEST(Format, FirstBytesDecide) {
         {"e57", test::bytes_of("ASTM-E57\1")},
         {"drc", test::bytes_of("DRACO\2\2")},
         {"3dtiles", test::bytes_of("pnts\1")},
+        {"glb", test::bytes_of(std::string("glTF\2\0\0\0", 8))},
         {"nrrd", test::bytes_of("NRRD0004\ntype: short\n")},
         {"vtk", test::bytes_of("# vtk DataFile Version 3.0\n")},
         {"metaimage", test::bytes_of("ObjectType = Image\nNDims = 3\n")},

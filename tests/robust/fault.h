@@ -31,5 +31,6 @@ std::vector<FaultCase> odd_las(bool full);
 std::vector<FaultCase> damaged_potree(bool full);
 std::vector<FaultCase> lying_potree(bool full);
 std::vector<FaultCase> adversarial_clouds(bool full);
+std::vector<FaultCase> damaged_volumes(bool full);
 
 }  // namespace strata::robust

@@ -18,6 +18,7 @@ const FaultRow kRows[] = {
     // A picture is drawn by threads with stacks of their own: address space is no memory.
     {"damaged_potree", {.seconds = 20.0, .address_space_bytes = uint64_t{2} << 30}, damaged_potree},
     {"lying_potree", {.seconds = 20.0, .address_space_bytes = uint64_t{2} << 30}, lying_potree},
+    {"damaged_volumes", {.seconds = 20.0, .address_space_bytes = uint64_t{1} << 30}, damaged_volumes},
     {"adversarial_clouds", {.seconds = 120.0}, adversarial_clouds},
 };
 

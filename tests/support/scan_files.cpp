@@ -35,7 +35,11 @@ void write_sheet(const std::string& path, int points) {
 const std::vector<ConvertedOutput>& converted_outputs() {
     static const std::vector<ConvertedOutput> all = {{"potree", "out"},   {"copc", "out.copc.laz"}, {"laz", "out.laz"},
                                                      {"las", "out.las"}, {"drc", "out.drc"},       {"drc_blocks", "out", {"--format", "drc"}},
-                                                     {"svo", "out.svo", {"--resolution", "256", "--attributes", "color,count,opacity"}, "voxelize"}};
+                                                     {"svo", "out.svo", {"--resolution", "256", "--attributes", "color,count,opacity"}, "voxelize"},
+                                                     {"ply", "out.ply", {"--method", "cubes", "--voxel-size", "0.25"}, "surface"},
+                                                     {"obj", "out.obj", {"--method", "marching-cubes", "--voxel-size", "0.25"}, "surface"},
+                                                     {"stl", "out.stl", {"--method", "cubes", "--voxel-size", "0.25"}, "surface"},
+                                                     {"glb", "out.glb", {"--method", "marching-cubes", "--voxel-size", "0.25"}, "surface"}};
     return all;
 }
 

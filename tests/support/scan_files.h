@@ -20,12 +20,12 @@ struct ConvertedOutput {
     const char* label;
     const char* name;
     std::vector<std::string> words = {};
-    const char* verb = "convert";  // or "voxelize"
+    const char* verb = "convert";  // or "voxelize", "surface"
 
     /// The words after "strata" that make it.
     std::vector<std::string> command(const std::string& in, const std::string& out) const {
         std::vector<std::string> all = {verb, in};
-        if (std::string(verb) == "voxelize") all.push_back("-o");
+        if (std::string(verb) != "convert") all.push_back("-o");
         all.push_back(out);
         all.insert(all.end(), words.begin(), words.end());
         all.push_back("--quiet");

@@ -10,7 +10,6 @@
 #include <map>
 
 #include "core/error.h"
-#include "io/vdb/vdb_slices.h"
 #include "io/vdb/vdb_writer.h"
 #include "io/volume/volume_source.h"
 #include "tests/support/temporary_folder.h"
@@ -102,27 +101,6 @@ TEST(VdbField, LevelSetOfASphere) {
             }
     EXPECT_LT((field->bounds().max - center).maxCoeff(), radius + 1.5);
     EXPECT_GT((field->bounds().max - center).minCoeff(), radius);
-}
-
-// Slices have the same values, less the reference, in the box of the bricks and one sample around.
-TEST(VdbField, SlicesAreDense) {
-    if (!has_openvdb()) GTEST_SKIP() << "this build has no OpenVDB to write a file with";
-    const TemporaryFolder folder;
-    MeshLevelSet(sphere_mesh({1, 2, 3}, 2.0, 60), {.voxel_size = 0.125}).write(folder.file("a.vdb"), false);
-    const auto field = open_vdb_field(folder.file("a.vdb"), {}), again = open_vdb_field(folder.file("a.vdb"), {});
-    const Values values(*field);
-    VdbSlices slices(*again);
-    const auto [nx, ny, nz] = slices.size();
-    std::vector<float> samples(size_t{nx} * ny * nz);
-    slices.read(1, 0.25, std::span(samples).first(size_t{nx} * ny));
-    slices.read(nz - 1, 0.25, std::span(samples).subspan(size_t{nx} * ny));
-    const Vec3i least = field->least_index() - Vec3i::Ones();
-    EXPECT_LT((slices.placement().world_from_index(Vec3d(1, 1, 1)) - field->placement().world_from_index(field->least_index().cast<double>())).norm(), 1e-12);
-    EXPECT_EQ(least + Vec3i(int(nx), int(ny), int(nz)), field->greatest_index() + Vec3i(2, 2, 2));
-    for (size_t i = 0; i < samples.size(); ++i) {
-        const Vec3i at = least + Vec3i(int(i % nx), int(i / nx % ny), int(i / nx / ny));
-        ASSERT_EQ(samples[i], float(double(values.at(at)) - 0.25)) << at.transpose();
-    }
 }
 
 // What does not fit in memory is read back from the scratch store, the same.
