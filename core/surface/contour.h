@@ -70,5 +70,7 @@ ContourReport contour_slices(SliceSource& source, const ContourSettings& setting
 /// nothing to close; `nan_samples`, `least` and `greatest` are those of bricks. Normals are the gradient's.
 /// throws  as contour_slices; Error{malformed}: layers or bricks out of order
 ContourReport contour_bricks(FieldBrickSource& source, const ContourSettings& settings, SurfaceSink& sink);
+/// In memory, and without colors: `memory_bytes` does not count the surface.
+ContourReport contour_bricks(FieldBrickSource& source, const ContourSettings& settings, ContourMesh& out);
 
 }  // namespace strata

@@ -3,14 +3,18 @@
 #include <bit>
 #include <cmath>
 #include <deque>
+#include <future>
 #include <limits>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <system_error>
+#include <utility>
 #include <vector>
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/simd_target.h"
 #include "core/surface/cell_cases.h"
 #include "core/surface/contour.h"
 #include "core/surface/edge_cut.h"
@@ -25,6 +29,7 @@ constexpr int kSide = kFieldBrickSide;
 constexpr size_t kBlock = 32;  // bricks that a thread takes at a time
 using Corner = std::array<int32_t, 2>;
 
+bool is_same(const Corner& a, const Corner& b) { return a[0] == b[0] && a[1] == b[1]; }
 bool comes_before(const Corner& a, const Corner& b) { return a[1] != b[1] ? a[1] < b[1] : a[0] < b[0]; }
 
 // Samples of a layer and, for every isovalue, which of them are inside: a word a plane of constant k, bit 8 j + i.
@@ -59,7 +64,7 @@ public:
     int32_t find(const Corner& wanted) {
         if (corners_ == nullptr) return -1;
         while (at_ < corners_->size() && comes_before((*corners_)[at_], wanted)) ++at_;
-        return at_ < corners_->size() && (*corners_)[at_] == wanted ? int32_t(at_) : -1;
+        return at_ < corners_->size() && is_same((*corners_)[at_], wanted) ? int32_t(at_) : -1;
     }
 
 private:
@@ -86,10 +91,12 @@ uint64_t along_j(uint64_t plane, uint64_t next) { return plane >> 8 | next << 56
 
 class BrickContour {
 public:
-    BrickContour(FieldBrickSource& source, const ContourSettings& settings, SurfaceSink& sink)
+    /// sink  or none: all is kept in `mesh`, else the piece that was made last
+    BrickContour(FieldBrickSource& source, const ContourSettings& settings, SurfaceSink* sink, ContourMesh& mesh)
         : source_(source),
           settings_(settings),
           sink_(sink),
+          mesh_(mesh),
           below_(settings.inside == ContourInside::below),
           mirrored_(source.placement().is_mirrored()),
           axes_{source.placement().axes.col(0), source.placement().axes.col(1), source.placement().axes.col(2)},
@@ -108,7 +115,7 @@ public:
         if (window_.empty()) return report_;
         first_k_ = window_.front().layer.k;
         first_corner_ = window_.front().layer.corners.front();
-        origin_ = source_.placement().world_from_index(Vec3d(first_corner_[0], first_corner_[1], first_k_));
+        mesh_.origin = source_.placement().world_from_index(Vec3d(first_corner_[0], first_corner_[1], first_k_));
 
         std::optional<Cells> cells, above;
         for (int32_t k = first_k_ - kSide;;) {
@@ -119,8 +126,10 @@ public:
             }
             above = make_cells(k + kSide);
             if (cells) pass_on(*cells, above ? &*above : nullptr);
+            if (cells) spare_cells_ = std::move(*cells);
             cells = std::move(above);
-            while (!window_.empty() && window_.front().layer.k < k) window_.pop_front();  // k itself is below the next: slopes ask for it
+            for (; !window_.empty() && window_.front().layer.k < k; window_.pop_front())  // k itself is below the next: slopes ask for it
+                spare_samples_ = std::move(window_.front());
             if (cells) {
                 k += kSide;
                 continue;
@@ -136,11 +145,12 @@ private:
     // Reads layers until one at k or above is there, or there is no more.
     void read_to(int32_t k) {
         while (!ended_ && (window_.empty() || window_.back().layer.k < k)) {
-            Samples samples;
-            if (!source_.next_layer(samples.layer)) {
+            std::optional<Samples> next = ahead_.valid() ? ahead_.get() : next_samples(std::exchange(spare_samples_, {}));
+            if (!next) {
                 ended_ = true;
                 break;
             }
+            Samples& samples = *next;
             const FieldBrickLayer& layer = samples.layer;
             const auto out_of_place = [](int32_t c) { return c % kSide != 0 || std::abs(int64_t{c}) > int64_t{1} << 30; };
             const bool in_order = window_.empty() ? last_k_ < layer.k : window_.back().layer.k < layer.k;
@@ -154,6 +164,21 @@ private:
             if (layer.corners.empty()) continue;
             find_masks(samples);
             window_.push_back(std::move(samples));
+        }
+    }
+
+    // used  for its memory
+    std::optional<Samples> next_samples(Samples used) {
+        return source_.next_layer(used.layer) ? std::optional(std::move(used)) : std::nullopt;
+    }
+
+    // Reads the next layer while this one's surface is made. Slopes ask the source for values meanwhile: then it is not.
+    void read_ahead() {
+        if (settings_.threads < 2 || settings_.normals || ended_ || ahead_.valid()) return;
+        try {
+            ahead_ = std::async(std::launch::async, [this, used = std::exchange(spare_samples_, {})]() mutable { return next_samples(std::move(used)); });
+        } catch (const std::system_error&) {
+            // No thread is to be had: it is read when it is wanted.
         }
     }
 
@@ -239,31 +264,35 @@ private:
     std::optional<Cells> make_cells(int32_t k) {
         const std::array<const Samples*, 2> layers = {samples_at(k), samples_at(k + kSide)};
         if (layers[0] == nullptr && layers[1] == nullptr) return std::nullopt;
-        Cells cells{.k = k, .corners = {}, .samples = {}, .parts = {}};
+        Cells cells = std::exchange(spare_cells_, {});  // for its memory
+        cells.k = k;
+        cells.corners.clear();
+        cells.constants.clear();
+        cells.parts.clear();
         for (const Samples* layer : layers)
             if (layer != nullptr) cells.corners = united(cells.corners, layer->layer.corners);
         cells.corners = united(cells.corners, all_moved(cells.corners, -1, 0));
         cells.corners = united(cells.corners, all_moved(cells.corners, 0, -1));
         const size_t bricks = cells.corners.size();
         cells.samples.resize(bricks);
-        for (size_t n = 0; n < 8; ++n) {
-            const Samples* const layer = layers[n >> 2];
-            Finder finder(layer != nullptr ? &layer->layer.corners : nullptr);
-            for (size_t b = 0; b < bricks; ++b) {
+        find_around(cells, {layers[0] != nullptr ? &layers[0]->layer.corners : nullptr, layers[1] != nullptr ? &layers[1]->layer.corners : nullptr},
+                    cells.samples);
+        for (size_t b = 0; b < bricks; ++b)
+            for (size_t n = 0; n < 8; ++n) {
+                if (cells.samples[b][n] >= 0) continue;
                 const Corner corner = moved(cells.corners[b], int32_t(n & 1), int32_t(n >> 1 & 1));
-                const int32_t found = finder.find(corner);
-                cells.samples[b][n] = found >= 0 ? found : constant_of(cells, source_.absent_value({corner[0], corner[1], k + (n < 4 ? 0 : kSide)}));
+                cells.samples[b][n] = constant_of(cells, source_.absent_value({corner[0], corner[1], k + (n < 4 ? 0 : kSide)}));
             }
-        }
         cells.parts.resize(levels_.size() * bricks);
         std::mutex mutex;
+        const auto count = kernel(count_baseline, count_avx2, count_avx512);
         parallel_blocks(settings_.threads, bricks, kBlock, [&](size_t begin, size_t end) {
-            uint64_t ambiguous = 0, tunnels = 0;
+            Ambiguous found;
             for (size_t s = 0; s < levels_.size(); ++s)
-                for (size_t b = begin; b < end; ++b) count(cells, layers, s, b, ambiguous, tunnels);
+                for (size_t b = begin; b < end; ++b) count(*this, cells, layers, s, b, found);
             const std::lock_guard lock(mutex);
-            report_.ambiguous_cells += ambiguous;
-            report_.tunnel_cells += tunnels;
+            report_.ambiguous_cells += found.cells;
+            report_.tunnel_cells += found.tunnels;
         });
         return cells;
     }
@@ -286,7 +315,11 @@ private:
         return any & ~all;
     }
 
-    void count(Cells& cells, const std::array<const Samples*, 2>& layers, size_t isovalue, size_t brick, uint64_t& ambiguous, uint64_t& tunnels) const {
+    struct Ambiguous {
+        uint64_t cells = 0, tunnels = 0;
+    };
+
+    void count(Cells& cells, const std::array<const Samples*, 2>& layers, size_t isovalue, size_t brick, Ambiguous& found) const {
         Part& part = cells.parts[isovalue * cells.corners.size() + brick];
         std::array<uint64_t, 4> low = corners_of(cells, layers, isovalue, brick, 0);
         int64_t triangles = 0;
@@ -307,8 +340,8 @@ private:
                     const CellDecision decision = CellCases::get().decide(cell_case, values_of(*view, settings_.isovalues[isovalue], bit & 7, bit >> 3, unsigned(k)));
                     triangles += decision.patch->triangles + 2 - std::popcount(kCrossedEdges[cell_case]);
                     part.inner += decision.patch->inner;
-                    ++ambiguous;
-                    tunnels += decision.tunnel;
+                    ++found.cells;
+                    found.tunnels += decision.tunnel;
                 }
             }
             low = high;
@@ -360,24 +393,28 @@ private:
         if (next == before && triangles == 0) return;
         check_memory(cells, above, next - before, triangles);
 
-        const auto vertices = size_t(next - before);
-        reserve(positions_, vertices);
-        if (settings_.normals) reserve(normals_, vertices);
-        reserve(triangles_, size_t(triangles));
+        first_vertex_ = sink_ != nullptr ? before : 0;
+        first_triangle_ = sink_ != nullptr ? 0 : report_.triangles;
+        mesh_.positions.resize(size_t(next - first_vertex_));
+        if (settings_.normals) mesh_.normals.resize(size_t(next - first_vertex_));
+        mesh_.triangles.resize(size_t(first_triangle_ + triangles));
         const size_t bricks = cells.corners.size();
-        neighbors_ = neighbors_of(cells, above);
+        find_around(cells, {&cells.corners, above != nullptr ? &above->corners : nullptr}, neighbors_);
         std::mutex mutex;
         const auto keep = [&](const CutStatistics& cuts) {
             const std::lock_guard lock(mutex);
             report_.clamped_vertices += cuts.clamped;
             report_.largest_shift_cells = std::max(report_.largest_shift_cells, cuts.largest_shift);
         };
+        read_ahead();
+        const auto put_vertices = kernel(vertices_baseline, vertices_avx2, vertices_avx512);
+        const auto put_triangles = kernel(triangles_baseline, triangles_avx2, triangles_avx512);
         parallel_blocks(settings_.threads, bricks, kBlock, [&](size_t begin, size_t end) {
             CutStatistics cuts;
             for (size_t b = begin; b < end; ++b)
                 for (size_t s = 0; s < levels_.size(); ++s) {
-                    put_vertices(cells, s, b, false, before, cuts);
-                    put_triangles(cells, above, s, b, before);
+                    put_vertices(*this, cells, s, b, false, cuts);
+                    put_triangles(*this, cells, above, s, b);
                 }
             keep(cuts);
         });
@@ -385,21 +422,22 @@ private:
             parallel_blocks(settings_.threads, above->corners.size(), kBlock, [&](size_t begin, size_t end) {
                 CutStatistics cuts;
                 for (size_t b = begin; b < end; ++b)
-                    for (size_t s = 0; s < levels_.size(); ++s) put_vertices(*above, s, b, true, before, cuts);
+                    for (size_t s = 0; s < levels_.size(); ++s) put_vertices(*this, *above, s, b, true, cuts);
                 keep(cuts);
             });
 
+        report_.vertices = next;
+        report_.triangles += triangles;
+        if (sink_ == nullptr) return;
         colors_.clear();
         if (!settings_.colors.empty())
             for (size_t n = 0; n < ends.size(); ++n) colors_.resize(size_t(ends[n] - before), settings_.colors[n % levels_.size()]);
-        report_.vertices = next;
-        report_.triangles += triangles;
-        sink_.add({.origin = origin_,
-                   .positions = {positions_.data(), vertices},
-                   .normals = {normals_.data(), settings_.normals ? vertices : 0},
-                   .colors = colors_,
-                   .triangles = {triangles_.data(), size_t(triangles)},
-                   .quads = {}});
+        sink_->add({.origin = mesh_.origin,
+                    .positions = {mesh_.positions.data(), mesh_.positions.size()},
+                    .normals = {mesh_.normals.data(), mesh_.normals.size()},
+                    .colors = colors_,
+                    .triangles = {mesh_.triangles.data(), mesh_.triangles.size()},
+                    .quads = {}});
     }
 
     void check_memory(const Cells& cells, const Cells* above, uint64_t vertices, uint64_t triangles) const {
@@ -415,19 +453,20 @@ private:
                                               std::to_string(settings_.memory_bytes) + " are allowed");
     }
 
-    // The places of cells around the upper side of each, as `samples` of Cells.
-    static std::vector<std::array<int32_t, 8>> neighbors_of(const Cells& cells, const Cells* above) {
-        std::vector<std::array<int32_t, 8>> neighbors(cells.corners.size());
-        for (size_t n = 0; n < 8; ++n) {
-            Finder finder(n < 4 ? &cells.corners : above != nullptr ? &above->corners : nullptr);
-            for (size_t b = 0; b < neighbors.size(); ++b) neighbors[b][n] = finder.find(moved(cells.corners[b], int32_t(n & 1), int32_t(n >> 1 & 1)));
-        }
-        return neighbors;
+    // The places in the lists of a layer and of the next of what is at each corner + (n & 1, n >> 1 & 1, n >> 2) bricks; -1: not there.
+    void find_around(const Cells& cells, const std::array<const std::vector<Corner>*, 2>& lists, std::vector<std::array<int32_t, 8>>& found) const {
+        found.resize(cells.corners.size());
+        parallel_blocks(settings_.threads, 8, 1, [&](size_t begin, size_t end) {
+            for (size_t n = begin; n < end; ++n) {
+                Finder finder(lists[n >> 2]);
+                for (size_t b = 0; b < found.size(); ++b) found[b][n] = finder.find(moved(cells.corners[b], int32_t(n & 1), int32_t(n >> 1 & 1)));
+            }
+        });
     }
 
-    void put(uint64_t number, const Vec3d& position) { positions_[number] = {float(position.x()), float(position.y()), float(position.z())}; }
+    void put(uint64_t number, const Vec3d& position) { mesh_.positions[number] = {float(position.x()), float(position.y()), float(position.z())}; }
 
-    void put_vertices(const Cells& cells, size_t isovalue, size_t brick, bool early, uint64_t before, CutStatistics& cuts) {
+    void put_vertices(const Cells& cells, size_t isovalue, size_t brick, bool early, CutStatistics& cuts) {
         const Part& part = cells.parts[isovalue * cells.corners.size() + brick];
         const double level = settings_.isovalues[isovalue];
         uint64_t any = 0;
@@ -438,7 +477,7 @@ private:
         for (size_t plane = 0; plane < kSide; ++plane)
             for (size_t axis = 0; axis < 3; ++axis) {
                 if (comes_early(axis, plane) != early) continue;
-                uint64_t number = part.first[axis][plane] - before;
+                uint64_t number = part.first[axis][plane] - first_vertex_;
                 for (uint64_t left = part.crossed[axis][plane]; left != 0; left &= left - 1, ++number) {
                     const auto bit = unsigned(std::countr_zero(left));
                     const unsigned i = bit & 7, j = bit >> 3, k = unsigned(plane);
@@ -448,7 +487,7 @@ private:
                     std::array<int, 3> upper = {int(i), int(j), int(k)};
                     ++upper[axis];
                     const Vec3d slope = (1.0 - t) * slope_at(view, {int(i), int(j), int(k)}) + t * slope_at(view, upper);
-                    normals_[number] = normal_of(below_ ? slope : Vec3d(-slope));
+                    mesh_.normals[number] = normal_of(below_ ? slope : Vec3d(-slope));
                 }
             }
     }
@@ -459,7 +498,10 @@ private:
         const auto brick_of = [](int64_t c) { return int32_t(c & ~int64_t{kSide - 1}); };
         const std::array<int64_t, 3> p = {view.least[0] + at[0], view.least[1] + at[1], view.least[2] + at[2]};
         const Corner corner = {brick_of(p[0]), brick_of(p[1])};
-        const auto absent = [&] { return double(source_.absent_value({corner[0], corner[1], brick_of(p[2])})); };
+        const auto absent = [&] {
+            const std::lock_guard lock(source_mutex_);
+            return double(source_.absent_value({corner[0], corner[1], brick_of(p[2])}));
+        };
         const Samples* const samples = samples_at(brick_of(p[2]));
         if (samples == nullptr) return absent();
         const auto& corners = samples->layer.corners;
@@ -483,7 +525,7 @@ private:
 
     Vec3f normal_of(const Vec3d& outward) const { return unit_normal(normal_from_gradient_ * outward); }
 
-    void put_triangles(const Cells& cells, const Cells* above, size_t isovalue, size_t brick, uint64_t before) {
+    void put_triangles(const Cells& cells, const Cells* above, size_t isovalue, size_t brick) {
         const Part& part = cells.parts[isovalue * cells.corners.size() + brick];
         if (part.triangles == 0) return;
         const CellCases& cases = CellCases::get();
@@ -508,7 +550,7 @@ private:
         };
 
         std::array<uint32_t, kCellEdges + CellPatch::kMostInner> ids = {};
-        std::array<uint32_t, 3>* triangle = triangles_.data() + part.first_triangle;
+        std::array<uint32_t, 3>* triangle = mesh_.triangles.data() + first_triangle_ + part.first_triangle;
         uint32_t inner = part.first_inner;
         std::optional<View> view;
         std::array<uint64_t, 4> low = corners_of(cells, layers, isovalue, brick, 0);
@@ -536,9 +578,9 @@ private:
                 const CellPatch& patch = *cases.decide(cell_case, values).patch;
                 for (size_t n = 0; n < patch.inner; ++n) {
                     const Vec3d p_cell = place_inner_vertex(values, patch.inner_edges[n]);
-                    const uint64_t at = inner - before;
+                    const uint64_t at = inner - first_vertex_;
                     put(at, view->start + (i + p_cell.x()) * axes_[0] + (j + p_cell.y()) * axes_[1] + (k + p_cell.z()) * axes_[2]);
-                    if (settings_.normals) normals_[at] = normal_of(-inside_slope(values, p_cell));
+                    if (settings_.normals) mesh_.normals[at] = normal_of(-inside_slope(values, p_cell));
                     ids[kCellEdges + n] = inner++;
                 }
                 for (size_t t = 0; t < patch.triangles; ++t) {
@@ -550,18 +592,55 @@ private:
         }
     }
 
+    // The loops over a brick, compiled for each instruction set.
+    template <typename Kernel>
+    Kernel* kernel(Kernel* baseline, Kernel* avx2, Kernel* avx512) const {
+        return simd_level_ == SimdLevel::avx512 ? avx512 : simd_level_ == SimdLevel::avx2 ? avx2 : baseline;
+    }
+    STRATA_KERNEL_BASELINE static void count_baseline(const BrickContour& contour, Cells& cells, const std::array<const Samples*, 2>& layers,
+                                                      size_t isovalue, size_t brick, Ambiguous& found) {
+        contour.count(cells, layers, isovalue, brick, found);
+    }
+    STRATA_KERNEL_AVX2 static void count_avx2(const BrickContour& contour, Cells& cells, const std::array<const Samples*, 2>& layers,
+                                              size_t isovalue, size_t brick, Ambiguous& found) {
+        contour.count(cells, layers, isovalue, brick, found);
+    }
+    STRATA_KERNEL_AVX512 static void count_avx512(const BrickContour& contour, Cells& cells, const std::array<const Samples*, 2>& layers,
+                                                  size_t isovalue, size_t brick, Ambiguous& found) {
+        contour.count(cells, layers, isovalue, brick, found);
+    }
+    STRATA_KERNEL_BASELINE static void vertices_baseline(BrickContour& contour, const Cells& cells, size_t isovalue, size_t brick, bool early,
+                                                         CutStatistics& cuts) {
+        contour.put_vertices(cells, isovalue, brick, early, cuts);
+    }
+    STRATA_KERNEL_AVX2 static void vertices_avx2(BrickContour& contour, const Cells& cells, size_t isovalue, size_t brick, bool early,
+                                                 CutStatistics& cuts) {
+        contour.put_vertices(cells, isovalue, brick, early, cuts);
+    }
+    STRATA_KERNEL_AVX512 static void vertices_avx512(BrickContour& contour, const Cells& cells, size_t isovalue, size_t brick, bool early,
+                                                     CutStatistics& cuts) {
+        contour.put_vertices(cells, isovalue, brick, early, cuts);
+    }
+    STRATA_KERNEL_BASELINE static void triangles_baseline(BrickContour& contour, const Cells& cells, const Cells* above, size_t isovalue,
+                                                          size_t brick) {
+        contour.put_triangles(cells, above, isovalue, brick);
+    }
+    STRATA_KERNEL_AVX2 static void triangles_avx2(BrickContour& contour, const Cells& cells, const Cells* above, size_t isovalue, size_t brick) {
+        contour.put_triangles(cells, above, isovalue, brick);
+    }
+    STRATA_KERNEL_AVX512 static void triangles_avx512(BrickContour& contour, const Cells& cells, const Cells* above, size_t isovalue,
+                                                      size_t brick) {
+        contour.put_triangles(cells, above, isovalue, brick);
+    }
+
     [[noreturn]] static void refuse_absent(const Cells& cells) {
         throw Error(ErrorKind::malformed, "bricks near k = " + std::to_string(cells.k) + " touch, have different values and are not given");
     }
 
-    template <typename T>
-    static void reserve(LargeArray<T>& array, size_t size) {
-        if (array.size() < size) array = LargeArray<T>(size);
-    }
-
     FieldBrickSource& source_;
     const ContourSettings& settings_;
-    SurfaceSink& sink_;
+    SurfaceSink* sink_;
+    ContourMesh& mesh_;
     const SimdLevel simd_level_ = best_simd_level();
     bool below_, mirrored_;
     std::array<Vec3d, 3> axes_;
@@ -569,15 +648,17 @@ private:
     std::vector<float> levels_;
 
     std::deque<Samples> window_;  // of layers, ascending
+    Samples spare_samples_;
+    std::future<std::optional<Samples>> ahead_;
+    Cells spare_cells_;
     bool ended_ = false;
     int32_t last_k_ = std::numeric_limits<int32_t>::min();
     int32_t first_k_ = 0;
     Corner first_corner_ = {0, 0};
-    Vec3d origin_ = Vec3d::Zero();
 
     std::vector<std::array<int32_t, 8>> neighbors_;  // of the cells passed on
-    LargeArray<Vec3f> positions_, normals_;
-    LargeArray<std::array<uint32_t, 3>> triangles_;
+    mutable std::mutex source_mutex_;  // of absent_value
+    uint64_t first_vertex_ = 0, first_triangle_ = 0;  // the number of the first in the mesh, and the place of the first triangle passed on
     std::vector<std::array<uint8_t, 4>> colors_;
     ContourReport report_;
 };
@@ -585,7 +666,13 @@ private:
 }  // namespace
 
 ContourReport contour_bricks(FieldBrickSource& source, const ContourSettings& settings, SurfaceSink& sink) {
-    return BrickContour(source, settings, sink).run();
+    ContourMesh piece;
+    return BrickContour(source, settings, &sink, piece).run();
+}
+
+ContourReport contour_bricks(FieldBrickSource& source, const ContourSettings& settings, ContourMesh& out) {
+    out = {};
+    return BrickContour(source, settings, nullptr, out).run();
 }
 
 }  // namespace strata

@@ -133,22 +133,10 @@ private:
     size_t next_ = 0;
 };
 
-// Keeps the surface in memory, as the peer does.
-class MeshSink : public SurfaceSink {
-public:
-    void add(const SurfacePiece& piece) override {
-        positions.insert(positions.end(), piece.positions.begin(), piece.positions.end());
-        triangles.insert(triangles.end(), piece.triangles.begin(), piece.triangles.end());
-    }
-    std::vector<Vec3f> positions;
-    std::vector<std::array<uint32_t, 3>> triangles;
-};
-
 uint64_t contour_leaves(const openvdb::FloatGrid& grid, int threads) {
     LeafSource source(grid);
-    MeshSink sink;
-    contour_bricks(source, {.isovalues = {0.0}, .inside = ContourInside::below, .threads = threads}, sink);
-    return sink.triangles.size();
+    ContourMesh mesh;
+    return contour_bricks(source, {.isovalues = {0.0}, .inside = ContourInside::below, .threads = threads}, mesh).triangles;
 }
 
 uint64_t contour_by_openvdb(const openvdb::FloatGrid& grid, int threads) {

@@ -160,6 +160,14 @@ TEST(ContourBricks, SameSurfaceAsTheWholeGrid) {
             contour_bricks(again, settings, other);
             EXPECT_TRUE(other.positions == sink.positions && other.triangles == sink.triangles && other.normals == sink.normals);
         }
+        // In memory it is the same.
+        FunctionBricks kept({}, least, end, value, wanted, absent);
+        ContourMesh in_memory;
+        EXPECT_EQ(contour_bricks(kept, settings, in_memory).triangles, report.triangles);
+        EXPECT_EQ(in_memory.origin, sink.origin);
+        EXPECT_TRUE(std::equal(in_memory.positions.begin(), in_memory.positions.end(), sink.positions.begin(), sink.positions.end()));
+        EXPECT_TRUE(std::equal(in_memory.normals.begin(), in_memory.normals.end(), sink.normals.begin(), sink.normals.end()));
+        EXPECT_TRUE(std::equal(in_memory.triangles.begin(), in_memory.triangles.end(), sink.triangles.begin(), sink.triangles.end()));
         // Along each axis positions differ by whole cells, in floats of unequal origins: compare rounded ones.
         const Vec3d shift = sink.origin - mesh.origin;
         const auto rounded = [](std::span<const Vec3f> positions, const Vec3d& by) {
