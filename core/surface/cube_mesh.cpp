@@ -88,20 +88,20 @@ void CubeMesher::add_corners(std::span<const BrickCorner> corners, const std::ar
     }
 }
 
-uint32_t CubeMesher::vertex(const std::array<int, 3>& c, uint32_t material, CubeMesh& out) {
+uint32_t CubeMesher::vertex(const std::array<int, 3>& c, uint32_t material, uint8_t direction, CubeMesh& out) {
     uint32_t* entry = &first_vertex_[size_t((c[0] * kCorners + c[1]) * kCorners + c[2])];
     while (*entry != 0) {
         const uint32_t found = *entry - 1;
-        if (out.vertices[found].material == material) return found;
+        if (out.vertices[found].material == material && out.vertices[found].direction == direction) return found;
         entry = &next_vertex_[found];
     }
     *entry = uint32_t(out.vertices.size()) + 1;
-    out.vertices.push_back({BrickCorner::at(c), material});
+    out.vertices.push_back({BrickCorner::at(c), material, direction});
     next_vertex_.push_back(0);  // `entry` is of no use from here on
     return uint32_t(out.vertices.size()) - 1;
 }
 
-void CubeMesher::add_polygon(const CubeRectangle& rectangle, CubeDirection direction, CubeMesh& out) {
+void CubeMesher::add_polygon(const CubeRectangle& rectangle, CubeDirection direction, bool by_direction, CubeMesh& out) {
     const Sides sides = sides_of(rectangle, direction);
     // Vertices of the four edges, each towards growing coordinates and with both its ends.
     struct Edge {
@@ -119,7 +119,7 @@ void CubeMesher::add_polygon(const CubeRectangle& rectangle, CubeDirection direc
         const auto add = [&](int place) {
             c[size_t(axis)] = begin + place;
             edge.places[size_t(edge.count)] = place;
-            edge.vertices[size_t(edge.count++)] = vertex(c, rectangle.material, out);
+            edge.vertices[size_t(edge.count++)] = vertex(c, rectangle.material, by_direction ? uint8_t(direction) : uint8_t{0}, out);
         };
         add(0);
         if (length > 1) {
@@ -161,14 +161,14 @@ void CubeMesher::add_polygon(const CubeRectangle& rectangle, CubeDirection direc
     }
 }
 
-void CubeMesher::finish(const CubeRectangles& rectangles, CubeMesh& out) {
+void CubeMesher::finish(const CubeRectangles& rectangles, bool by_direction, CubeMesh& out) {
     out.vertices.clear();
     out.triangles.clear();
     out.quads.clear();
     next_vertex_.clear();
     for (int direction = 0; direction < 6; ++direction)
         for (const CubeRectangle& rectangle : rectangles.of(CubeDirection(direction)))
-            add_polygon(rectangle, CubeDirection(direction), out);
+            add_polygon(rectangle, CubeDirection(direction), by_direction, out);
     for (const CubeVertex& v : out.vertices) first_vertex_[size_t((v.corner[0] * kCorners + v.corner[1]) * kCorners + v.corner[2])] = 0;
 }
 

@@ -34,6 +34,7 @@ std::vector<BrickCorner> shared_corners(const CubeRectangles& rectangles);
 struct CubeVertex {
     BrickCorner corner;
     uint32_t material = 0;
+    uint8_t direction = 0;  // of its faces, a CubeDirection; 0 where all share it
 
     auto operator<=>(const CubeVertex&) const = default;
 };
@@ -58,20 +59,21 @@ public:
     /// Corners of a neighbor's rectangles; those that do not lie on this brick do not count.
     /// step  to the neighbor, in bricks
     void add_corners(std::span<const BrickCorner> corners, const std::array<int, 3>& step);
-    /// out  replaced
-    void finish(const CubeRectangles& rectangles, CubeMesh& out);
+    /// by_direction  faces that look different ways have vertices of their own
+    /// out           replaced
+    void finish(const CubeRectangles& rectangles, bool by_direction, CubeMesh& out);
 
 private:
     static constexpr int kCorners = kCubeBrickSide + 1;
 
     void add_corner(const std::array<int, 3>& c);
-    uint32_t vertex(const std::array<int, 3>& c, uint32_t material, CubeMesh& out);
-    void add_polygon(const CubeRectangle& rectangle, CubeDirection direction, CubeMesh& out);
+    uint32_t vertex(const std::array<int, 3>& c, uint32_t material, uint8_t direction, CubeMesh& out);
+    void add_polygon(const CubeRectangle& rectangle, CubeDirection direction, bool by_direction, CubeMesh& out);
 
     // By axis: corners of the line along it as bits, 64 left out, as it is never between two others.
     std::array<std::vector<uint64_t>, 3> lines_;
     std::vector<uint32_t> first_vertex_;  // by corner, 1 + its number; 0: none
-    std::vector<uint32_t> next_vertex_;   // by vertex: at the same corner, of another material
+    std::vector<uint32_t> next_vertex_;   // by vertex: another one at the same corner
 };
 
 }  // namespace strata

@@ -32,8 +32,8 @@ struct Worker {
 struct Part {
     size_t brick = 0;
     CubeMesh mesh;
-    std::vector<Vec3f> positions;  // [vertices]
-    std::vector<std::array<uint8_t, 4>> colors;
+    std::vector<Vec3f> positions;                // [vertices]
+    std::vector<std::array<uint8_t, 4>> colors;  // [vertices] or empty, as are
     std::vector<Vec3f> normals;
     uint64_t faces = 0, rectangles = 0;
     // closed: vertices on the outside of the brick, ascending by corner and material, and their numbers here.
@@ -114,7 +114,6 @@ private:
         part.mesh.triangles.clear();
         part.mesh.quads.clear();
         part.shared.clear();
-        part.normals.clear();
         part.faces = part.rectangles = 0;
         std::unique_ptr<Worker> worker = take_worker();
         if (bricks_.gather(brick, materials_, worker->brick)) {
@@ -133,25 +132,20 @@ private:
         worker.mesher->begin(worker.rectangles);
         visit_neighbors(part.brick,
                         [&](size_t neighbor, const std::array<int, 3>& step) { worker.mesher->add_corners(corners_[neighbor], step); });
-        worker.mesher->finish(worker.rectangles, part.mesh);
+        worker.mesher->finish(worker.rectangles, settings_.normals, part.mesh);
         for (uint32_t i = 0; i < part.mesh.vertices.size(); ++i)
             if (part.mesh.vertices[i].corner.is_shared()) part.shared.emplace_back(part.mesh.vertices[i], i);
         std::sort(part.shared.begin(), part.shared.end());
     }
 
     static void separate(const CubeRectangles& rectangles, Part& part) {
-        for (int direction = 0; direction < 6; ++direction) {
-            Vec3f normal = Vec3f::Zero();
-            normal[direction / 2] = direction % 2 == 0 ? 1.0f : -1.0f;
+        for (uint8_t direction = 0; direction < 6; ++direction)
             for (const CubeRectangle& rectangle : rectangles.of(CubeDirection(direction))) {
                 const auto first = uint32_t(part.mesh.vertices.size());
-                for (const BrickCorner& corner : corners_of(rectangle, CubeDirection(direction))) {
-                    part.mesh.vertices.push_back({corner, rectangle.material});
-                    part.normals.push_back(normal);
-                }
+                for (const BrickCorner& corner : corners_of(rectangle, CubeDirection(direction)))
+                    part.mesh.vertices.push_back({corner, rectangle.material, direction});
                 part.mesh.quads.push_back({first, first + 1, first + 2, first + 3});
             }
-        }
     }
 
     void place_vertices(Part& part) const {
@@ -159,12 +153,14 @@ private:
         const size_t vertices = part.mesh.vertices.size();
         part.positions.resize(vertices);
         part.colors.resize(materials_.by_color ? vertices : 0);
+        part.normals.assign(settings_.normals ? vertices : 0, Vec3f::Zero());
         for (size_t i = 0; i < vertices; ++i) {
             const CubeVertex& vertex = part.mesh.vertices[i];
             for (int axis = 0; axis < 3; ++axis)
                 part.positions[i][axis] =
                     float(cell_size_ * double(uint64_t{place[size_t(axis)]} * kCubeBrickSide + uint64_t(vertex.corner[axis])));
             if (!part.colors.empty()) part.colors[i] = color_of(vertex.material);
+            if (!part.normals.empty()) part.normals[i][vertex.direction / 2] = vertex.direction % 2 == 0 ? 1.0f : -1.0f;
         }
     }
 
@@ -204,6 +200,7 @@ private:
             numbers_[i] = uint32_t(counts_.vertices++);
             part.positions[kept] = part.positions[i];
             if (!part.colors.empty()) part.colors[kept] = part.colors[i];
+            if (!part.normals.empty()) part.normals[kept] = part.normals[i];
             ++kept;
         }
         for (auto& triangle : part.mesh.triangles)
@@ -217,7 +214,7 @@ private:
         }
         out_.add({.origin = tree_.frame.origin,
                   .positions = std::span(part.positions).first(kept),
-                  .normals = part.normals,
+                  .normals = std::span(part.normals).first(part.normals.empty() ? 0 : kept),
                   .colors = std::span(part.colors).first(part.colors.empty() ? 0 : kept),
                   .triangles = part.mesh.triangles,
                   .quads = part.mesh.quads});
@@ -234,7 +231,7 @@ private:
                 common = common && c[size_t(axis)] >= 0 && c[size_t(axis)] <= kCubeBrickSide;
             }
             if (!common) continue;
-            const CubeVertex there{BrickCorner::at(c), vertex.material};
+            const CubeVertex there{BrickCorner::at(c), vertex.material, vertex.direction};
             from = std::lower_bound(from, others.end(), there, [](const auto& a, const CubeVertex& b) { return a.first < b; });
             if (from != others.end() && from->first == there) numbers_[number] = from->second;
         }

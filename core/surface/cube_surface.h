@@ -16,11 +16,12 @@ struct CubeSurfaceSettings {
     /// How rectangles become faces.
     enum class Joints : uint8_t {
         closed,   // edges are cut where corners of other rectangles lie on them, and vertices shared: no gaps between faces
-        separate  // a rectangle is a quad with four vertices of its own, which have normals: pixels between faces may stay open
+        separate  // a rectangle is a quad with four vertices of its own: pixels between faces may stay open
     };
 
     int depth = 0;  // of the cells that are cubes; 0: the tree's finest
     Joints joints = Joints::closed;
+    bool normals = false;                                          // of the faces; then only faces that look the same way share vertices
     bool colors = true;                                            // where the tree has some: what differs in color does not merge
     std::vector<std::pair<VoxelColor, uint8_t>> transparent = {};  // colors that can be seen through, and their opacities
     int threads = 1;
@@ -43,7 +44,7 @@ struct CubeSurfaceCounts {
 ///         Error{limit}: more than 2^32 - 1 vertices
 ///         what the sink throws
 /// cost    On one thread 0.15 microseconds a rectangle of a scan, closed (4 triangles for 3 of the others), and 0.07 separate. Memory: 3 MB
-///         and the output of 8 bricks a thread; closed, 4 bytes for a corner on the outside of a brick, and 12 for a vertex there as long
+///         and the output of 8 bricks a thread; closed, 4 bytes for a corner on the outside of a brick, and 16 for a vertex there as long
 ///         as a brick that has it, too, is to come
 CubeSurfaceCounts mesh_cubes(const VoxelTree& tree, const CubeSurfaceSettings& settings, SurfaceSink& out);
 

@@ -105,7 +105,7 @@ TEST_P(CubeSurfaces, ShowWhatCanBeSeenAtEveryDepth) {
         const std::vector<UnitFace> truth = faces_by_rule(cells);
         const double cell = std::ldexp(0.25, shift);
         SurfaceInMemory separate, closed;
-        const CubeSurfaceCounts counts = mesh_cubes(tree_, {.depth = depth, .joints = Joints::separate}, separate);
+        const CubeSurfaceCounts counts = mesh_cubes(tree_, {.depth = depth, .joints = Joints::separate, .normals = true}, separate);
         EXPECT_EQ(counts.solid_voxels, cells.count());
         EXPECT_EQ(counts.faces_uncut, 6 * cells.count());
         EXPECT_EQ(counts.faces_culled, truth.size());
@@ -195,7 +195,7 @@ TEST(CubeSurface, ColorsPartRectanglesAndComeWithThem) {
         return memory.take();
     }();
     SurfaceInMemory separate, closed, plain, glass;
-    mesh_cubes(tree, {.joints = Joints::separate}, separate);
+    mesh_cubes(tree, {.joints = Joints::separate, .normals = true}, separate);
     size_t tops = 0;
     for (const auto& quad : separate.quads) {
         const Vec3d low = separate.positions[quad[0]].cwiseMin(separate.positions[quad[2]]);
@@ -222,6 +222,29 @@ TEST(CubeSurface, ColorsPartRectanglesAndComeWithThem) {
     EXPECT_EQ(glass_counts.faces_culled, opaque_counts.faces_culled + 2 * 96 * 4);
     const auto color_is = [](const std::array<uint8_t, 4>& c) { return c == std::array<uint8_t, 4>{0, 200, 0, 77}; };
     EXPECT_TRUE(std::any_of(glass.colors.begin(), glass.colors.end(), color_is));
+}
+
+// The same faces, with vertices for each direction.
+TEST(CubeSurface, ClosedFacesHaveNormalsIfAsked) {
+    const VoxelTree tree = tree_of(random_boxes(4, 50, 5), true);
+    SurfaceInMemory plain, with;
+    const CubeSurfaceCounts counts = mesh_cubes(tree, {.threads = 2}, plain);
+    const CubeSurfaceCounts with_counts = mesh_cubes(tree, {.normals = true, .threads = 2}, with);
+    EXPECT_TRUE(plain.normals.empty());
+    ASSERT_EQ(with.normals.size(), with.positions.size());
+    EXPECT_EQ(with_counts.triangles, counts.triangles);
+    EXPECT_EQ(with_counts.quads, counts.quads);
+    EXPECT_GT(with_counts.vertices, counts.vertices);
+    const TriangleMesh mesh = with.mesh(), same = plain.mesh();
+    EXPECT_EQ(open_edges(mesh), 0u);
+    for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+        const auto& t = mesh.triangles[i];
+        const Vec3d normal = (mesh.positions[t[1]] - mesh.positions[t[0]]).cross(mesh.positions[t[2]] - mesh.positions[t[0]]).normalized();
+        for (size_t k = 0; k < 3; ++k) {
+            EXPECT_EQ(mesh.normals[t[k]].cast<double>(), normal);
+            EXPECT_EQ(mesh.positions[t[k]], same.positions[same.triangles[i][k]]);
+        }
+    }
 }
 
 TEST(CubeSurface, SaysWhatItCannotDo) {
