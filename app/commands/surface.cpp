@@ -29,9 +29,11 @@ constexpr OptionRow kRows[] = {
     {"--method", "", "METHOD", "", "marching-cubes (of volumes and .vdb files, where the default), or cubes: faces of voxels, merged to rectangles (of .svo files, where the default). Either of voxels that are made of points or a mesh first; marching-cubes of voxels is of the share of each cell that is occupied, at 0.5"},
     {"--inside", "", "SIDE", "", "above or below: where values are greater or less than the isovalue the surface is solid; default: above, of a level set below"},
     {"--close", "", "", "", "close the surface where it meets the boundary of the volume"},
-    {"--normals", "-n", "", "", "normals of vertices, from the gradient of the values"},
+    {"--normals", "-n", "", "", "normals of vertices, from the gradient of the values; of cubes those of faces, which then share vertices only where they look the same way"},
     {"--voxel-size", "-s", "UNITS", "", "side of the voxels to make of points or a mesh, CRS units; of a .svo file the coarsest cells that are no larger"},
     {"--error", "-e", "VOXELS", "", "of a .svo file: the coarsest cells whose cubes lie within so many voxels of the finest"},
+    {"--quads", "", "", "", "of cubes: each rectangle with four corners of its own, not cut where others meet it; pixels between rectangles may stay open"},
+    {"--transparent", "", "LIST", "", "of cubes: colors that can be seen through, as RRGGBB:OPACITY with commas, opacity 0 to 254; what lies behind them keeps its faces"},
     {"--grid", "", "NAME", "", "of a .vdb file: the grid of that name; default: the first that can be read"},
     {"--dimensions", "", "XxYxZ", "", "IN is samples alone, so many along each axis, the first running fastest"},
     {"--type", "", "TYPE", "uint8", "of samples alone: int8 to int64, uint8 to uint64, float or double"},
@@ -92,6 +94,25 @@ std::optional<RawVolumeLayout> raw_layout(const Options& options) {
     return layout;
 }
 
+// "60a0ff:90,ffffff:40"
+std::vector<std::pair<VoxelColor, uint8_t>> parse_transparent(const std::string& text) {
+    std::vector<std::pair<VoxelColor, uint8_t>> colors;
+    for (size_t begin = 0; begin <= text.size();) {
+        const size_t end = std::min(text.find(',', begin), text.size());
+        const std::string_view item = std::string_view(text).substr(begin, end - begin);
+        const auto parse = [](std::string_view word, int base, uint32_t& number) {
+            const auto [stop, problem] = std::from_chars(word.data(), word.data() + word.size(), number, base);
+            return problem == std::errc() && stop == word.data() + word.size();
+        };
+        uint32_t color = 0, opacity = 255;
+        if (item.find(':') != 6 || !parse(item.substr(0, 6), 16, color) || !parse(item.substr(7), 10, opacity) || opacity > 254)
+            throw Error(ErrorKind::usage, "--transparent: expected colors such as 60a0ff:90, each with an opacity of 0 to 254, got '" + std::string(item) + "'");
+        colors.push_back({{uint8_t(color >> 16), uint8_t(color >> 8), uint8_t(color)}, uint8_t(opacity)});
+        begin = end + 1;
+    }
+    return colors;
+}
+
 double positive(const Options& options, const char* flag) {
     const double value = options.number(flag);
     if (!(value > 0.0)) throw Error(ErrorKind::usage, std::string(flag) + ": expected a positive number, got '" + options.text(flag) + "'");
@@ -106,6 +127,8 @@ SurfaceRequest request_of(const Options& options, const std::string& folder) {
                               .threads = thread_count(options),
                               .memory_bytes = memory_cap(options),
                               .scratch_folder = folder};
+    request.quads = options.given("--quads");
+    if (options.given("--transparent")) request.transparent = parse_transparent(options.text("--transparent"));
     if (options.given("--iso")) request.isovalues = parse_list("--iso", options.text("--iso"));
     if (options.given("--method")) {
         const std::string method = options.text("--method");

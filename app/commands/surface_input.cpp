@@ -54,6 +54,8 @@ public:
 
 protected:
     ContourInput(const SurfaceRequest& request, ContourInside inside) {
+        for (const auto& [given, flag] : {std::pair(request.quads, "--quads"), std::pair(!request.transparent.empty(), "--transparent")})
+            if (given) throw Error(ErrorKind::usage, std::string(flag) + " is for --method cubes");
         settings_ = {.isovalues = request.isovalues, .inside = request.inside.value_or(inside), .close = request.close, .normals = request.normals, .threads = request.threads, .memory_bytes = request.memory_bytes};
     }
 
@@ -234,16 +236,22 @@ SurfaceVoxels make_voxels(std::span<const std::string> words, bool is_grid, cons
 /// Faces of voxels.
 class CubesInput : public SurfaceInput {
 public:
-    CubesInput(SurfaceVoxels voxels, const SurfaceRequest& request) : voxels_(std::move(voxels)), settings_{.depth = voxels_.depth, .colors = voxels_.has_colors(), .threads = request.threads} {
-        for (const auto& [given, flag] : {std::pair(!request.isovalues.empty(), "--iso"), std::pair(request.inside.has_value(), "--inside"), std::pair(request.normals, "--normals")})
+    CubesInput(SurfaceVoxels voxels, const SurfaceRequest& request) : voxels_(std::move(voxels)) {
+        for (const auto& [given, flag] : {std::pair(!request.isovalues.empty(), "--iso"), std::pair(request.inside.has_value(), "--inside")})
             if (given) throw Error(ErrorKind::usage, std::string(flag) + " is for --method marching-cubes");
         notes = voxels_.notes;
+        settings_ = {.depth = voxels_.depth,
+                     .joints = request.quads ? CubeSurfaceSettings::Joints::separate : CubeSurfaceSettings::Joints::closed,
+                     .normals = request.normals,
+                     .colors = voxels_.has_colors(),
+                     .transparent = request.transparent,
+                     .threads = request.threads};
     }
 
     SurfaceMethod method() const override { return SurfaceMethod::cubes; }
     Box3d bounds() const override { return occupied_bounds(voxels_.tree); }
     double edge() const override { return voxels_.cell_size(); }
-    bool has_normals() const override { return false; }
+    bool has_normals() const override { return settings_.normals; }
     bool has_colors() const override { return settings_.colors; }
     void extract(SurfaceSink& out, ProgressLine&) override {
         counts_ = mesh_cubes(voxels_.tree, settings_, out);

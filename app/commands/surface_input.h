@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "app/progress.h"
@@ -13,6 +14,7 @@
 #include "core/octree/scratch_store.h"
 #include "core/surface/contour.h"
 #include "core/surface/surface_sink.h"
+#include "core/voxel/voxel_block.h"
 #include "io/volume/volume_source.h"
 
 namespace strata {
@@ -25,7 +27,9 @@ struct SurfaceRequest {
     std::vector<double> isovalues;             // empty: what suits the input
     std::optional<ContourInside> inside;       // likewise
     bool close = false, normals = false;
-    std::optional<double> voxel_size, error;   // of cubes: world units; in voxels
+    std::optional<double> voxel_size, error;   // of cells of voxels: world units; in voxels
+    bool quads = false;                        // of cubes: rectangles as they are
+    std::vector<std::pair<VoxelColor, uint8_t>> transparent;  // of cubes: colors that can be seen through, and their opacities
     std::string grid;                          // of a .vdb file; empty: the first
     std::optional<RawVolumeLayout> raw;        // the input is samples alone
     int threads = 1;

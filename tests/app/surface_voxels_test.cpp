@@ -1,0 +1,129 @@
+// strata surface of voxels, by the real program: what marching cubes makes of them, and faces of cubes in other ways than closed.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "io/mesh/mesh_reader.h"
+#include "tests/support/las_file.h"
+#include "tests/support/run_program.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/test_meshes.h"
+
+namespace strata {
+namespace {
+
+using nlohmann::json;
+using std::numbers::pi;
+using test::ProgramResult;
+using test::run_strata;
+
+class SurfaceOfVoxels : public testing::Test {
+protected:
+    json surface(std::vector<std::string> words) {
+        words.insert(words.begin(), {"surface", "--json", "--overwrite"});
+        const ProgramResult result = run_strata(words);
+        EXPECT_EQ(result.exit_code, 0) << result.err;
+        return result.exit_code == 0 ? json::parse(result.out) : json();
+    }
+    void refuse(std::vector<std::string> words, const std::string& said) {
+        words.insert(words.begin(), {"surface", "-o", file("refused.ply")});
+        const ProgramResult result = run_strata(words);
+        EXPECT_EQ(result.exit_code, 2) << said << "\n" << result.err;
+        EXPECT_NE(result.err.find(said), std::string::npos) << said << "\n" << result.err;
+    }
+    std::string file(const std::string& name) const { return folder_.file(name); }
+    /// A solid ball of a radius of 40 voxels, of which 3 are a unit.
+    std::string ball() const {
+        const TriangleMesh mesh = sphere_mesh(Vec3d(7, -3, 5), 40.0 / 3.0, 200);
+        std::ofstream out(file("ball.obj"));
+        for (const Vec3d& p : mesh.positions) out << "v " << p.x() << " " << p.y() << " " << p.z() << "\n";
+        for (const auto& t : mesh.triangles) out << "f " << t[0] + 1 << " " << t[1] + 1 << " " << t[2] + 1 << "\n";
+        out.close();
+        EXPECT_EQ(run_strata({"voxelize", file("ball.obj"), "-o", file("ball.svo"), "--kind", "solid", "--voxel-size",
+                              "0.33333333333333333", "--quiet"})
+                      .exit_code,
+                  0);
+        return file("ball.svo");
+    }
+    /// A row of points, which become voxels of 1: red, green, green, blue.
+    std::string row() const {
+        test::LasFile points{.point_format = 2, .scale = {0.5, 0.5, 0.5}, .max = {4, 1, 1}};
+        for (int i = 0; i < 4; ++i) {
+            const auto of = [](bool on) { return uint16_t(on ? 65535 : 0); };
+            points.records.push_back(
+                test::las_record(2, {.x = 2 * i + 1, .y = 1, .z = 1, .rgb = {of(i == 0), of(i == 1 || i == 2), of(i == 3)}}));
+        }
+        const std::vector<std::byte> bytes = points.bytes();
+        std::ofstream(file("row.las"), std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::streamsize(bytes.size()));
+        return file("row.las");
+    }
+    const TemporaryFolder folder_;
+};
+
+TEST_F(SurfaceOfVoxels, SharesOfCellsMakeASmoothBall) {
+    const double radius = 40.0 / 3.0, volume = 4.0 / 3.0 * pi * radius * radius * radius, area = 4.0 * pi * radius * radius;
+    const std::string in = ball();
+    const json smooth = surface({in, "-o", file("a.ply"), "--method", "marching-cubes", "--voxel-size", "0.67"});
+    EXPECT_EQ(smooth["method"], "marching-cubes");
+    EXPECT_EQ(smooth["boundary_edges"], 0);
+    EXPECT_EQ(smooth["euler_characteristic"], 2);
+    EXPECT_NEAR(smooth["volume"].get<double>() / volume, 1.0, 0.01);
+    EXPECT_NEAR(smooth["area"].get<double>() / area, 1.0, 0.03);
+    // Cubes of the same have the area of their steps: 3/2 of a sphere's.
+    EXPECT_NEAR(surface({in, "-o", file("b.ply")})["area"].get<double>() / area, 1.5, 0.02);
+    // A share of 1 is inside only.
+    const json inner = surface({in, "-o", file("d.ply"), "--method", "marching-cubes", "--voxel-size", "0.67", "--iso", "1"});
+    EXPECT_LT(inner["volume"].get<double>(), smooth["volume"].get<double>());
+
+    refuse({in, "--method", "marching-cubes", "--inside", "below"}, "--inside below is not for voxels");
+    refuse({in, "--method", "marching-cubes", "--iso", "0"}, "--iso: of voxels it is a share above 0");
+    refuse({in, "--method", "marching-cubes", "--quads"}, "--quads is for --method cubes");
+    refuse({in, "--method", "marching-cubes", "--grid", "a"}, "is no .vdb file");
+}
+
+TEST_F(SurfaceOfVoxels, RectanglesAsTheyAreAndNormals) {
+    const std::string in = ball();
+    const json closed = surface({in, "-o", file("a.ply")});
+    const json quads = surface({in, "-o", file("b.ply"), "--quads"});
+    EXPECT_EQ(quads["quads"], closed["rectangles"]);
+    EXPECT_EQ(quads["triangles"], 0);
+    EXPECT_EQ(quads["vertices"].get<uint64_t>(), 4 * closed["rectangles"].get<uint64_t>());
+    EXPECT_NEAR(quads["volume"].get<double>(), closed["volume"].get<double>(), 1e-6);
+    for (const char* const way : {"--normals", "--quads"}) {
+        surface({in, "-o", file("c.ply"), "--normals", way});
+        const TriangleMesh mesh = read_mesh(file("c.ply"));
+        ASSERT_EQ(mesh.normals.size(), mesh.positions.size());
+        for (const auto& t : mesh.triangles) {
+            const Vec3d normal =
+                (mesh.positions[t[1]] - mesh.positions[t[0]]).cross(mesh.positions[t[2]] - mesh.positions[t[0]]).normalized();
+            for (const uint32_t v : t) ASSERT_LT((mesh.normals[v].cast<double>() - normal).norm(), 1e-6);
+        }
+    }
+}
+
+TEST_F(SurfaceOfVoxels, ColorsThatCanBeSeenThrough) {
+    const std::string in = row();
+    const auto cubes = [&](std::vector<std::string> words) {
+        words.insert(words.begin(), {in, "-o", file("a.ply"), "--method", "cubes", "--voxel-size", "1"});
+        return surface(words);
+    };
+    EXPECT_EQ(cubes({})["faces_culled"], 4 * 4 + 2);
+    // Red and blue have a face towards the green glass, which has none towards them, nor within.
+    const json glass = cubes({"--transparent", "00ff00:90"});
+    EXPECT_EQ(glass["faces_culled"], 4 * 4 + 2 + 2);
+    const TriangleMesh mesh = read_mesh(file("a.ply"));
+    for (const auto& color : mesh.colors) EXPECT_EQ(color[3], color[1] == 255 ? 90 : 255);
+    // Of two that can be seen through both have one.
+    EXPECT_EQ(cubes({"--transparent", "00ff00:90,0000ff:0"})["faces_culled"], 4 * 4 + 2 + 3);
+
+    const std::string expected = "--transparent: expected colors such as 60a0ff:90";
+    for (const char* const list : {"", "00ff00", "00ff00:255", "00ff0:9", "00ff00:9,", "00fg00:9", "00ff00:x"})
+        refuse({in, "--method", "cubes", "--voxel-size", "1", "--transparent", list}, expected);
+    refuse({ball(), "--transparent", "00ff00:9"}, "the voxels have no colors");
+}
+
+}  // namespace
+}  // namespace strata
