@@ -39,7 +39,7 @@ struct CubeSurfaceCounts {
 /// All positions are from the frame's origin, computed from whole numbers, so that equal corners are equal floats in every brick: closed
 /// faces leave no gap where a rasterizer fills shared edges once, as all do. Where materials meet, vertices are there once for each.
 /// Closed faces are consistently oriented and every edge belongs to as many faces one way as the other; where cells touch along
-/// an edge only, four faces share it.
+/// an edge only, four faces share it. What can be seen through is not closed where it lies at something opaque.
 /// throws  Error{usage}: a depth that the tree does not have, or transparent colors where it has no colors of that depth
 ///         Error{limit}: more than 2^32 - 1 vertices
 ///         what the sink throws

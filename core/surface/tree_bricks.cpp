@@ -72,7 +72,7 @@ public:
             [&](int level, uint32_t node, uint64_t bits, bool octants, int x, int y, int z) {
                 add_cells(level, node, bits, octants, x, y, z);
             },
-            [&](int x, int y, int z, int side) { add_cube(x, y, z, side); });
+            [&](int x, int y, int z, int side, uint32_t found) { add_cube(x, y, z, side, found); });
     }
 
     // The layer of a neighbor that touches the brick. `towards`: from the brick to it.
@@ -83,14 +83,14 @@ public:
             [&](int level, uint32_t node, uint64_t bits, bool octants, int x, int y, int z) {
                 add_layer(level, node, bits, octants, x, y, z, towards);
             },
-            [&](int x, int y, int z, int side) { add_square(x, y, z, side, towards); });
+            [&](int x, int y, int z, int side, uint32_t found) { add_square(x, y, z, side, towards, found); });
     }
 
 private:
     // masks  of the cells that count, of 4^3 and of 2^3
     template <class Cells, class Cube>
     void enter(const Part& part, uint64_t mask, uint64_t byte_mask, const Cells& cells, const Cube& cube) {
-        if (part.full) return cube(0, 0, 0, kSide);
+        if (part.in_full_cell) return cube(0, 0, 0, kSide, material_of_full(part.level, part.node, part.bit));
         const int level = bricks_.root_level_;
         const int side = bricks_.depth_ - 2 * level;  // log2 of the node's cells an axis
         if (part.byte < 0) descend(level, part.node, mask, byte_mask, side, 0, 0, 0, cells, cube);
@@ -111,7 +111,7 @@ private:
             const auto [cx, cy, cz] = kCells[size_t(bit)];
             const int child_side = log2_side - 2;
             const auto first = [&](int from, int coordinate) { return (from + (coordinate << child_side)) & (kSide - 1); };
-            if ((full >> bit & 1) != 0) cube(first(x, cx), first(y, cy), first(z, cz), 1 << child_side);
+            if ((full >> bit & 1) != 0) cube(first(x, cx), first(y, cy), first(z, cz), 1 << child_side, material_of_full(level, node, bit));
             else
                 descend(level + 1, nodes.child(node, bit), next_mask, byte_mask, child_side, first(x, cx), first(y, cy), first(z, cz),
                         cells, cube);
@@ -125,15 +125,21 @@ private:
         return mask;
     }
 
+    static uint32_t material_of(const VoxelColor& c) { return uint32_t(c[0]) << 16 | uint32_t(c[1]) << 8 | c[2]; }
     uint32_t material(int level, uint32_t node, int bit, bool octants) const {
-        const auto& colors = tree_.attributes[size_t(bricks_.depth_)].colors;
         // Of octants cell_index asks for a bit of the mask in the byte.
-        const VoxelColor& c = colors[cell_index(tree_, level, node, octants ? 8 * bit : bit, octants)];
-        return uint32_t(c[0]) << 16 | uint32_t(c[1]) << 8 | c[2];
+        return material_of(
+            tree_.attributes[size_t(bricks_.depth_)].colors[cell_index(tree_, level, node, octants ? 8 * bit : bit, octants)]);
+    }
+    // Cells in a full one are what it is.
+    uint32_t material_of_full(int level, uint32_t node, int bit) const {
+        if (!materials_.by_color) return 0;
+        const auto& colors = tree_.attributes[size_t(2 * level + 2)].colors;
+        return colors.empty() ? 0 : material_of(colors[cell_index(tree_, level, node, bit, false)]);
     }
     bool is_transparent(uint32_t material) const {
         return std::any_of(materials_.transparent.begin(), materials_.transparent.end(),
-                           [&](const VoxelColor& c) { return material == (uint32_t(c[0]) << 16 | uint32_t(c[1]) << 8 | c[2]); });
+                           [&](const VoxelColor& c) { return material == material_of(c); });
     }
 
     // Of each cell of the bits its place and material.
@@ -161,10 +167,16 @@ private:
         });
     }
 
-    void add_cube(int x, int y, int z, int side) {
+    void add_cube(int x, int y, int z, int side, uint32_t found) {
         const uint64_t bits = kFullMask >> (kSide - side) << z;
+        const bool transparent = is_transparent(found);
         for (int dy = 0; dy < side; ++dy)
-            for (int dx = 0; dx < side; ++dx) out_.occupied[CubeBrick::column(x + dx, y + dy)] |= bits;
+            for (int dx = 0; dx < side; ++dx) {
+                out_.occupied[CubeBrick::column(x + dx, y + dy)] |= bits;
+                if (transparent) out_.transparent[CubeBrick::column(x + dx, y + dy)] |= bits;
+                if (materials_.by_color) std::fill_n(&out_.materials[CubeBrick::cell(x + dx, y + dy, z)], side, found);
+            }
+        out_.any_transparent = out_.any_transparent || transparent;
     }
 
     void add_layer(int level, uint32_t node, uint64_t bits, bool octants, int x, int y, int z, CubeDirection towards) {
@@ -216,15 +228,34 @@ private:
         });
     }
 
-    void add_square(int x, int y, int z, int side, CubeDirection towards) {
-        const uint64_t z_bits = kFullMask >> (kSide - side) << z, y_bits = kFullMask >> (kSide - side) << y;
+    void add_square(int x, int y, int z, int side, CubeDirection towards, uint32_t found) {
+        const bool transparent = is_transparent(found);
+        out_.any_transparent = out_.any_transparent || transparent;
+        const auto add = [&](uint64_t& cells, uint64_t& see_through, int from) {
+            const uint64_t bits = kFullMask >> (kSide - side) << from;
+            cells |= bits;
+            if (transparent) see_through |= bits;
+        };
+        const auto add_column = [&](int cx, int cy) {
+            add(out_.occupied[CubeBrick::column(cx, cy)], out_.transparent[CubeBrick::column(cx, cy)], z);
+        };
         for (int i = 0; i < side; ++i) switch (towards) {
-                case CubeDirection::plus_x: out_.occupied[CubeBrick::column(kSide, y + i)] |= z_bits; break;
-                case CubeDirection::minus_x: out_.occupied[CubeBrick::column(-1, y + i)] |= z_bits; break;
-                case CubeDirection::plus_y: out_.occupied[CubeBrick::column(x + i, kSide)] |= z_bits; break;
-                case CubeDirection::minus_y: out_.occupied[CubeBrick::column(x + i, -1)] |= z_bits; break;
-                case CubeDirection::plus_z: out_.above[size_t(x + i)] |= y_bits; break;
-                case CubeDirection::minus_z: out_.below[size_t(x + i)] |= y_bits; break;
+                case CubeDirection::plus_x: add_column(kSide, y + i); break;
+                case CubeDirection::minus_x: add_column(-1, y + i); break;
+                case CubeDirection::plus_y: add_column(x + i, kSide); break;
+                case CubeDirection::minus_y: add_column(x + i, -1); break;
+                case CubeDirection::plus_z: add(out_.above[size_t(x + i)], out_.transparent_above[size_t(x + i)], y); break;
+                case CubeDirection::minus_z: add(out_.below[size_t(x + i)], out_.transparent_below[size_t(x + i)], y); break;
+            }
+        if (!transparent) return;
+        const int axis = int(towards) / 2, beyond = int(towards) % 2 == 0 ? kSide : -1;
+        for (int i = 0; i < side; ++i)
+            for (int j = 0; j < side; ++j) {
+                std::array<int, 3> c;
+                if (axis == 0) c = {beyond, y + i, z + j};
+                else if (axis == 1) c = {x + i, beyond, z + j};
+                else c = {x + i, y + j, beyond};
+                out_.materials[CubeBrick::cell(c[0], c[1], c[2])] = found;
             }
     }
 
@@ -266,23 +297,25 @@ void TreeBricks::collect(int level, uint32_t node, const std::array<uint32_t, 3>
     for (uint64_t bits = nodes.masks[node]; bits != 0; bits &= bits - 1) {
         const int bit = std::countr_zero(bits);
         const auto [x, y, z] = coordinates_of_code(uint64_t(bit));
-        if ((full >> bit & 1) != 0) collect_full(node_code << 6 | uint64_t(bit), log2_side, 0x3F);
+        if ((full >> bit & 1) != 0)
+            collect_full({.node = node, .full = true, .level = int8_t(level), .bit = int8_t(bit), .in_full_cell = true},
+                         node_code << 6 | uint64_t(bit), log2_side, 0x3F);
         else collect(level + 1, nodes.child(node, bit), {4 * place[0] + x, 4 * place[1] + y, 4 * place[2] + z});
     }
 }
 
 // outside  by direction: that side of the cell is the full cell's
-void TreeBricks::collect_full(uint64_t code, int log2_side, uint32_t outside) {
+void TreeBricks::collect_full(const Part& part, uint64_t code, int log2_side, uint32_t outside) {
     if (outside == 0) return;
     if (log2_side == 0) {
         codes_.push_back(code);
-        parts_.push_back({.full = true});
+        parts_.push_back(part);
         return;
     }
     for (uint32_t octant = 0; octant < 8; ++octant) {
         uint32_t left = 0;
         for (uint32_t axis = 0; axis < 3; ++axis) left |= 1u << (2 * axis + ((octant >> (2 - axis) & 1) != 0 ? 0 : 1));
-        collect_full(code << 3 | octant, log2_side - 1, outside & left);
+        collect_full(part, code << 3 | octant, log2_side - 1, outside & left);
     }
 }
 
@@ -305,7 +338,8 @@ std::optional<TreeBricks::Part> TreeBricks::locate(const std::array<int64_t, 3>&
         const VoxelLevel& nodes = tree_.levels[size_t(level)];
         const int bit = int(code >> 3 * (side_log2_ - 2 * (level + 1)) & 63);
         if ((nodes.masks[node] >> bit & 1) == 0) return std::nullopt;
-        if ((nodes.full_mask(node) >> bit & 1) != 0) return Part{.full = true};
+        if ((nodes.full_mask(node) >> bit & 1) != 0)
+            return Part{.node = node, .full = true, .level = int8_t(level), .bit = int8_t(bit), .in_full_cell = true};
         node = nodes.child(node, bit);
     }
     if (side_log2_ % 2 == 0) return Part{.node = node};
@@ -318,7 +352,7 @@ std::optional<TreeBricks::Part> TreeBricks::locate(const std::array<int64_t, 3>&
 bool TreeBricks::gather(size_t brick, const CubeMaterials& materials, CubeBrick& out) const {
     std::array<std::optional<Part>, 6> around;
     const std::array<uint32_t, 3> at = place(brick);
-    bool all_full = parts_[brick].full;
+    bool all_full = parts_[brick].full && materials.transparent.empty();  // what can be seen through shows what is within
     for (size_t direction = 0; direction < 6; ++direction) {
         std::array<int64_t, 3> neighbor = {at[0], at[1], at[2]};
         neighbor[direction / 2] += direction % 2 == 0 ? 1 : -1;

@@ -38,16 +38,18 @@ public:
     bool gather(size_t brick, const CubeMaterials& materials, CubeBrick& out) const;
 
 private:
-    // Cells of a node, or the eight of a byte of its mask.
+    // Cells of a node, or the eight of a byte of its mask, or a part of a full cell.
     struct Part {
         uint32_t node = 0;
-        int8_t byte = -1;  // -1: all
-        bool full = false;
+        int8_t byte = -1;           // -1: all
+        bool full = false;          // all cells are occupied
+        int8_t level = 0, bit = 0;  // of the full cell that it is a part of, a bit of its node
+        bool in_full_cell = false;
     };
     class Filler;
 
     void collect(int level, uint32_t node, const std::array<uint32_t, 3>& place);
-    void collect_full(uint64_t code, int log2_side, uint32_t outside);
+    void collect_full(const Part& part, uint64_t code, int log2_side, uint32_t outside);
     std::optional<Part> locate(const std::array<int64_t, 3>& place) const;
 
     const VoxelTree& tree_;

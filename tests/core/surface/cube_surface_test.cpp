@@ -247,6 +247,52 @@ TEST(CubeSurface, ClosedFacesHaveNormalsIfAsked) {
     }
 }
 
+// Colors by eighths of the frame, of the cells of each depth that are stored.
+void color_by_octants(VoxelTree& tree) {
+    tree.attributes.resize(size_t(tree.depth()) + 1);
+    std::vector<uint64_t> codes = {0};  // of a level's nodes
+    for (size_t number = 0; number < tree.levels.size(); ++number) {
+        const VoxelLevel& level = tree.levels[number];
+        std::vector<uint64_t> below;
+        for (size_t node = 0; node < level.masks.size(); ++node)
+            for (uint64_t bit = 0; bit < 64; ++bit) {
+                const uint64_t code = codes[node] << 6 | bit, octant = code >> 3 * (2 * number + 1);
+                const VoxelColor color = {uint8_t(octant & 4 ? 200 : 0), uint8_t(octant & 2 ? 200 : 0), uint8_t(octant & 1 ? 200 : 0)};
+                if ((level.masks[node] >> (bit & 56) & 0xFF) != 0 && (bit & 7) == 0)
+                    tree.attributes[2 * number + 1].colors.push_back(color);
+                if ((level.masks[node] >> bit & 1) == 0) continue;
+                tree.attributes[2 * number + 2].colors.push_back(color);
+                if ((level.full_mask(node) >> bit & 1) == 0) below.push_back(code);
+            }
+        codes = std::move(below);
+    }
+    index_tree(tree);
+    check_attributes(tree);
+}
+
+// Cells below a full one are of its color: as if they were there.
+TEST(CubeSurface, FullCellsAreTheCellsTheyHoldWithColors) {
+    const VoxelCube voxels = cube_where(
+        4, [](uint32_t x, uint32_t y, uint32_t z) { return x >= 64 || in_integer_ball(int(x) - 60, int(y) - 122, int(z) - 128, 50); });
+    VoxelTree plain = tree_of(voxels), full = tree_of(voxels, true);
+    color_by_octants(plain);
+    color_by_octants(full);
+    // Two of the colors can be seen through: inside there are faces where the others touch these.
+    for (const auto& transparent :
+         {std::vector<std::pair<VoxelColor, uint8_t>>{}, {{VoxelColor{200, 0, 0}, 10}, {VoxelColor{200, 200, 0}, 20}}})
+        for (const int depth : {8, 7}) {
+            SurfaceInMemory expected, found;
+            const CubeSurfaceCounts truth = mesh_cubes(plain, {.depth = depth, .transparent = transparent}, expected);
+            const CubeSurfaceCounts counts = mesh_cubes(full, {.depth = depth, .transparent = transparent}, found);
+            EXPECT_EQ(counts.faces_culled, truth.faces_culled);
+            EXPECT_EQ(found.positions, expected.positions);
+            EXPECT_EQ(found.colors, expected.colors);
+            EXPECT_EQ(found.triangles, expected.triangles);
+            EXPECT_EQ(found.quads, expected.quads);
+            if (transparent.empty()) EXPECT_EQ(open_edges(found.mesh()), 0u);
+        }
+}
+
 TEST(CubeSurface, SaysWhatItCannotDo) {
     const VoxelTree tree = tree_of(random_cube(2, 0.5, 1));
     SurfaceInMemory surface;
