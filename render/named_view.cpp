@@ -115,7 +115,7 @@ std::vector<Vec3d> sample_positions(const Scene& scene) {
     return points;
 }
 
-Camera named_view(std::string_view name, Projection projection, double fov_rad, std::span<const Vec3d> points, double aspect) {
+Camera named_view(std::string_view name, Projection projection, double fov_rad, std::span<const Vec3d> points, double aspect, UpAxis up) {
     std::string names;
     for (const View& view : kViews) {
         names += (names.empty() ? "" : ", ") + std::string(view.name);
@@ -123,7 +123,8 @@ Camera named_view(std::string_view name, Projection projection, double fov_rad, 
         Camera camera;
         camera.projection = projection;
         camera.fov_rad = fov_rad;
-        camera.view_from_world = look_along(Vec3d(view.forward.data()), Vec3d(view.up.data()));
+        const auto turned = [&](const std::array<double, 3>& v) { return up == UpAxis::z ? Vec3d(v[0], v[1], v[2]) : Vec3d(v[0], v[2], -v[1]); };
+        camera.view_from_world = look_along(turned(view.forward), turned(view.up));
         frame_points(camera, points, aspect, kViewMargin);
         return camera;
     }

@@ -8,6 +8,7 @@
 #include "core/math/camera.h"
 #include "core/octree/layered_cloud.h"
 #include "render/scene.h"
+#include "render/sky_light.h"
 
 namespace strata {
 
@@ -19,9 +20,9 @@ std::vector<Vec3d> sample_positions(LayeredCloud& cloud);
 /// Those of a scene's cloud, corners of cells that hold the voxels, and corners of triangles, the outermost ones among them.
 std::vector<Vec3d> sample_positions(const Scene& scene);
 
-/// The camera of `--view`: iso, top, front, back, left or right, framed around the points. front looks north.
+/// The camera of `--view`: iso, top, front, back, left or right, framed around the points. front looks north, which is along -z where y points upwards.
 /// throws  Error{usage}, naming the views there are
-Camera named_view(std::string_view name, Projection projection, double fov_rad, std::span<const Vec3d> points, double aspect);
+Camera named_view(std::string_view name, Projection projection, double fov_rad, std::span<const Vec3d> points, double aspect, UpAxis up = UpAxis::z);
 
 /// What `--color` is when the user did not say: rgb where some point has a color, else elevation.
 std::string sensible_color(const LayeredCloud& cloud);

@@ -357,7 +357,7 @@ void Renderer::draw_points(Frame& frame, const LayeredCloud& cloud, const Chosen
 
 void Renderer::draw_voxels(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out) {
     const RenderSettings& settings = frame.settings;
-    const VoxelView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.selection.error_px, settings.clips, settings.threads};
+    const VoxelView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.selection.error_px, settings.clips, settings.threads, settings.up};
     VoxelsDrawn drawn;
     for (size_t i = 0; i < scene.voxels.size(); ++i) {
         const VoxelModel& model = scene.voxels[i];
@@ -378,7 +378,7 @@ void Renderer::draw_meshes(Frame& frame, const Scene& scene, const Strip& strip,
     for (size_t i = 0; i < scene.meshes.size(); ++i) {
         const TriangleMesh& mesh = *scene.meshes[i].mesh;
         const bool fits = MeshGlPass::gpu_bytes(mesh.positions.size(), mesh.triangles.size()) <= frame.gpu_bytes;
-        const MeshView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads, fits ? frame.gpu_meshes : nullptr};
+        const MeshView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads, settings.up, fits ? frame.gpu_meshes : nullptr};
         if (buffers_->meshes.draw(scene.meshes[i], uint32_t(1 + scene.voxels.size() + i), view, out)) frame.meshes_seen[i] = true;
     }
 }

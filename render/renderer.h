@@ -19,6 +19,7 @@
 #include "render/pass/ssao_kernel.h"
 #include "render/point_color.h"
 #include "render/scene.h"
+#include "render/sky_light.h"
 #include "render/stream/resident_cloud.h"
 
 namespace strata {
@@ -38,6 +39,7 @@ struct RenderSettings {
     std::vector<ClipBox> clips;
     PointFilter filter;                // made for the cloud
     FillSettings fill;
+    UpAxis up = UpAxis::z;             // of the sky that lights voxels and meshes
     SsaoSettings ssao;
     EdlSettings edl;
     Rgba8 background = make_rgba(24, 28, 36);  // alpha 0: transparent

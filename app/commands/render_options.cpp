@@ -1,5 +1,6 @@
 #include "app/commands/render_options.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cctype>
 #include <charconv>
@@ -25,7 +26,7 @@ constexpr OptionRow kRows[] = {
     {"--view", "-v", "NAME", "iso", "iso, top, front, back, left or right, framed around what is drawn; front looks north"},
     {"--eye", "", "X,Y,Z", "", "free camera: where it stands, CRS units"},
     {"--target", "", "X,Y,Z", "", "what it looks at; default: the cloud's center"},
-    {"--up", "", "X,Y,Z", "", "what is upwards in the picture; default: 0,0,1, and north for views straight down"},
+    {"--up", "", "z|y|X,Y,Z", "z", "which axis points upwards, for views and for the light of voxels and meshes: many models have y; or, of a free camera, any direction. Views straight down have north upwards"},
     {"--fov", "", "DEGREES", "45", "angle from the bottom to the top of the picture"},
     {"--camera", "", "FILE.json", "", "the camera of a file, {\"eye\": [x,y,z], \"target\": ..., \"up\": ..., \"fov\": degrees} or with ortho_height; --stats prints one"},
     {"--ortho", "", "", "", "parallel projection: equal lengths look equal at any distance"},
@@ -222,6 +223,10 @@ std::vector<Vec3d> kept_corners(std::span<const ClipBox> clips, const Box3d& bou
     return corners;
 }
 
+bool is_axis(const std::string& text) { return text == "y" || text == "z"; }
+
+UpAxis parse_up(const Options& options) { return options.text("--up") == "y" ? UpAxis::y : UpAxis::z; }
+
 Camera free_camera(const Options& options, const Box3d& bounds, std::span<const Vec3d> points) {
     Camera camera;
     camera.projection = options.given("--ortho") ? Projection::orthographic : Projection::perspective;
@@ -232,8 +237,11 @@ Camera free_camera(const Options& options, const Box3d& bounds, std::span<const 
     camera.eye = vector_of(options, "--eye");
     const Vec3d target = options.given("--target") ? vector_of(options, "--target") : box.center();
     const Vec3d forward = target - camera.eye;
-    const bool vertical = forward.head<2>().norm() <= 1e-6 * std::abs(forward.z());
-    const Vec3d up = options.given("--up") ? vector_of(options, "--up") : vertical ? Vec3d::UnitY() : Vec3d::UnitZ();
+    const bool y_upwards = parse_up(options) == UpAxis::y;
+    const Vec3d axis = y_upwards ? Vec3d::UnitY() : Vec3d::UnitZ(), north = y_upwards ? Vec3d(-Vec3d::UnitZ()) : Vec3d::UnitY();
+    const bool as_vector = options.given("--up") && !is_axis(options.text("--up"));
+    const bool vertical = forward.cross(axis).norm() <= 1e-6 * forward.norm();
+    const Vec3d up = as_vector ? vector_of(options, "--up") : vertical ? north : axis;
     camera.view_from_world = look_along(forward, up);
     if (camera.projection == Projection::orthographic) {
         // As much as a perspective camera with this angle sees at the target.
@@ -379,8 +387,11 @@ void check_render_options(const Options& options) {
     if (!(options.number("--threshold") >= 0.0)) refuse("--threshold", "a number that is not negative", options.text("--threshold"));
     if (options.given("--threshold") && !options.given("--reference")) throw Error(ErrorKind::usage, "--threshold needs --reference");
     if (options.given("--camera") && options.given("--ortho")) throw Error(ErrorKind::usage, "--ortho: a camera file says it by ortho_height");
-    for (const std::string_view flag : {"--target", "--up"})
-        if (options.given(flag) && !options.given("--eye")) throw Error(ErrorKind::usage, std::string(flag) + " needs --eye");
+    if (options.given("--target") && !options.given("--eye")) throw Error(ErrorKind::usage, "--target needs --eye");
+    if (options.given("--up") && !is_axis(options.text("--up"))) {
+        if (!options.given("--eye")) throw Error(ErrorKind::usage, "--up: a direction needs --eye; y or z needs none");
+        vector_of(options, "--up");
+    }
     if (options.given("--eye") + options.given("--view") + options.given("--camera") > 1)
         throw Error(ErrorKind::usage, "--view, --eye and --camera exclude each other");
     if (options.given("--eye")) vector_of(options, "--eye");
@@ -404,6 +415,7 @@ RenderRequest make_render_request(const Options& options, const SceneFiles& file
     settings.background = options.given("--transparent") ? 0 : parse_color(options.text("--background"));
     settings.fill = parse_fill(options);
     settings.edl = parse_edl(options.text("--edl"));
+    settings.up = parse_up(options);
     settings.splat = parse_splat(options);
     settings.rasterizer = parse_rasterizer(options);
     settings.selection.error_px = options.number("--error");
@@ -443,7 +455,7 @@ RenderRequest make_render_request(const Options& options, const SceneFiles& file
         request.camera = free_camera(options, bounds, points);
     } else {
         const Projection projection = options.given("--ortho") ? Projection::orthographic : Projection::perspective;
-        request.camera = named_view(options.text("--view"), projection, parse_fov(options), points, aspect);
+        request.camera = named_view(options.text("--view"), projection, parse_fov(options), points, aspect, settings.up);
     }
     if (options.given("--meters-per-pixel")) {
         const double units_per_pixel = parse_units_per_pixel(options);

@@ -249,7 +249,7 @@ bool MeshPass::draw(const MeshModel& model, uint32_t drawable, const MeshView& v
         drawing.draw();
     }
 
-    const MeshShade shade = {model, drawable, projection, target, mesh_shade_kernel(level)};
+    const MeshShade shade = {model, drawable, projection, target, mesh_shade_kernel(level), sky_of(view.up)};
     std::atomic<bool> drawn = false;
     GBuffer& gbuffer = out;
     parallel_blocks(view.threads, rows, 8, [&](size_t begin, size_t end) {

@@ -9,6 +9,7 @@
 #include "core/simd_level.h"
 #include "render/gbuffer.h"
 #include "render/mesh_model.h"
+#include "render/sky_light.h"
 
 namespace strata {
 
@@ -21,6 +22,7 @@ struct MeshView {
     Vec2f offset_px;               // of a sample, from the middle of its pixel
     std::span<const ClipBox> clips;
     int threads = 1;
+    UpAxis up = UpAxis::z;      // for light
     MeshGlPass* gpu = nullptr;  // draws what it takes, where there are no clip boxes; the picture is the same
 };
 

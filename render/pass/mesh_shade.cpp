@@ -118,7 +118,7 @@ bool MeshShade::draw_row(uint32_t row, uint32_t left, uint32_t right, GBuffer& o
                 if (smooth) block.packed[corner][i] = model.corners[3 * triangle + corner];
             }
         }
-        meet_triangles(view, block);
+        meet_triangles(view, sky, block);
         for (size_t i = 0; i < block.count; ++i) {
             const size_t pixel = first_pixel + columns[i];
             if (!(block.depth[i] < out.depths[pixel])) continue;

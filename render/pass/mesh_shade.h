@@ -16,6 +16,7 @@ struct MeshShade {
     const MeshProjection& view;
     const MeshTarget& target;
     MeetTriangles meet_triangles;
+    Sky sky;
 
     /// Row `row` of the target, columns [left, right), into a G-buffer that has its rows, where what is there is farther.
     /// returns  whether any pixel was drawn

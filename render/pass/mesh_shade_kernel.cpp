@@ -4,7 +4,6 @@
 
 #include "core/simd_target.h"
 #include "core/surface/corner_normals.h"
-#include "render/sky_light.h"
 
 namespace strata {
 namespace {
@@ -82,7 +81,7 @@ inline void meet(const MeshProjection& view, ShadeBlock& block) {
     }
 }
 
-inline void smooth_and_light(ShadeBlock& block) {
+inline void smooth_and_light(const Sky& sky, ShadeBlock& block) {
     for (size_t i = 0; i < kShadeBlock; ++i) {
         const Unit a = unpacked(block.packed[0][i]), b = unpacked(block.packed[1][i]), c = unpacked(block.packed[2][i]);
         const float wa = block.weights[0][i], wb = block.weights[1][i], wc = block.weights[2][i];
@@ -93,21 +92,21 @@ inline void smooth_and_light(ShadeBlock& block) {
         block.normal[0][i] = known ? x * factor : block.normal[0][i];
         block.normal[1][i] = known ? y * factor : block.normal[1][i];
         block.normal[2][i] = known ? z * factor : block.normal[2][i];
-        block.light[i] = sky_light(block.normal[0][i], block.normal[1][i], block.normal[2][i]);
+        block.light[i] = sky.light(block.normal[0][i], block.normal[1][i], block.normal[2][i]);
     }
 }
 
-inline void meet_triangles(const MeshProjection& view, ShadeBlock& block) {
+inline void meet_triangles(const MeshProjection& view, const Sky& sky, ShadeBlock& block) {
     if (view.perspective)
         meet<true>(view, block);
     else
         meet<false>(view, block);
-    smooth_and_light(block);
+    smooth_and_light(sky, block);
 }
 
-STRATA_KERNEL_BASELINE void meet_baseline(const MeshProjection& view, ShadeBlock& block) { meet_triangles(view, block); }
-STRATA_KERNEL_AVX2 void meet_avx2(const MeshProjection& view, ShadeBlock& block) { meet_triangles(view, block); }
-STRATA_KERNEL_AVX512 void meet_avx512(const MeshProjection& view, ShadeBlock& block) { meet_triangles(view, block); }
+STRATA_KERNEL_BASELINE void meet_baseline(const MeshProjection& view, const Sky& sky, ShadeBlock& block) { meet_triangles(view, sky, block); }
+STRATA_KERNEL_AVX2 void meet_avx2(const MeshProjection& view, const Sky& sky, ShadeBlock& block) { meet_triangles(view, sky, block); }
+STRATA_KERNEL_AVX512 void meet_avx512(const MeshProjection& view, const Sky& sky, ShadeBlock& block) { meet_triangles(view, sky, block); }
 
 }  // namespace
 

@@ -5,6 +5,7 @@
 
 #include "core/simd_level.h"
 #include "render/pass/mesh_projection.h"
+#include "render/sky_light.h"
 
 namespace strata {
 
@@ -27,7 +28,7 @@ struct ShadeBlock {
 };
 
 /// Meets triangles with rays, in double precision. The kernel compiled for an instruction set, which the processor must have. All give the same bits.
-using MeetTriangles = void (*)(const MeshProjection& view, ShadeBlock& block);
+using MeetTriangles = void (*)(const MeshProjection& view, const Sky& sky, ShadeBlock& block);
 MeetTriangles mesh_shade_kernel(SimdLevel level);
 
 }  // namespace strata

@@ -41,7 +41,8 @@ struct View {
     uint32_t width, first_row, row_count, has_full;
     int32_t rule, smooth_shading;
     uint32_t has_attributes, has_normals;
-    uint32_t unused[2];
+    uint32_t y_upwards;
+    uint32_t unused;
     std::array<uint32_t, 12> first_rows;
     std::array<uint32_t, 24> first_attributes, first_normals;
 };
@@ -287,6 +288,7 @@ bool VoxelsGlPass::draw(const VoxelModel& model, uint32_t drawable, const VoxelV
                   .smooth_shading = model.shading == VoxelShading::smooth,
                   .has_attributes = held->attributes.has_value(),
                   .has_normals = held->normals.has_value(),
+                  .y_upwards = view.up == UpAxis::y,
                   .first_rows = held->first_rows,
                   .first_attributes = held->first_attributes,
                   .first_normals = held->first_normals};

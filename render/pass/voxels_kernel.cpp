@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "render/pass/voxel_light.h"
-#include "render/sky_light.h"
 
 namespace strata {
 namespace {
@@ -113,9 +112,9 @@ VoxelTileKernel::Smooth VoxelTileKernel::smooth_at(const VoxelRay& ray, const Vo
 
 float VoxelTileKernel::distant_light(const VoxelRay& ray, const VoxelHit& hit, const Vec3f& face_up) {
     const Vec3f rise = rise_before(ray, hit, kDistantRadius);
-    if (rise.isZero()) return sky_light(face_up);
+    if (rise.isZero()) return in_.sky.light(face_up);
     const Vec3f normal = rise.normalized();
-    return sky_light(normal.dot(ray.direction.cast<float>()) > 0.0f ? Vec3f(-normal) : normal);
+    return in_.sky.light(normal.dot(ray.direction.cast<float>()) > 0.0f ? Vec3f(-normal) : normal);
 }
 
 void VoxelTileKernel::shade(const VoxelRay& ray, const VoxelHit& hit, CellFace face, double pixel_voxels, size_t pixel, GBuffer& out) {
@@ -129,7 +128,7 @@ void VoxelTileKernel::shade(const VoxelRay& ray, const VoxelHit& hit, CellFace f
     const double distant = flat && !cut ? std::clamp((kWholeCube - side_px) / (kWholeCube - kLeastCube), 0.0, 1.0) : 0.0;
     Rgba8 color = model.colors.color(*model.tree, hit, normal);
     if (model.colors.rule() != VoxelColors::Rule::normal) {
-        float light = sky_light(normal);
+        float light = in_.sky.light(normal);
         if (distant > 0.0) light += float(distant) * (distant_light(ray, hit, normal) - light);
         if (flat && face != CellFace::inside && side_px > kLeastLined)
             light *= 1.0f - float(kLineDarkness * border_cover(in_.rays.picture(), ray, hit, int(face) / 2, side));

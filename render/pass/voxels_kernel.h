@@ -18,6 +18,7 @@ struct VoxelTileInput {
     RayLimits limits;
     double error_px;
     Vec3d towards_eye;  // of length 1
+    Sky sky;
 };
 
 /// Pixels of the G-buffer's picture.

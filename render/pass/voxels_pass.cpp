@@ -57,7 +57,7 @@ VoxelsDrawn draw_voxels(const VoxelModel& model, uint32_t drawable, const VoxelV
     const VoxelClip clip(view.clips, model.tree->frame);
     const VoxelTileInput input = {model, drawable, rays, clip,
                                   {.least_t = rays.near_depth(), .spread = view.error_px * rays.spread(), .footprint = view.error_px * rays.footprint()},
-                                  view.error_px, -view.camera.forward()};
+                                  view.error_px, -view.camera.forward(), sky_of(view.up)};
     // Tiles begin at the picture's first pixel, wherever the rows do.
     const PixelBox seen = pixels_of(model.bounds, view);
     std::vector<TileRect> tiles;

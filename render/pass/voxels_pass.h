@@ -6,6 +6,7 @@
 #include "core/cloud/clip_box.h"
 #include "core/math/camera.h"
 #include "render/gbuffer.h"
+#include "render/sky_light.h"
 #include "render/voxel_model.h"
 
 namespace strata {
@@ -18,6 +19,7 @@ struct VoxelView {
     double error_px = 1.0;         // cells that look no larger are drawn whole
     std::span<const ClipBox> clips;
     int threads = 1;
+    UpAxis up = UpAxis::z;  // for light
 };
 
 /// What was drawn.

@@ -17,6 +17,7 @@ layout(std140, binding = 0) uniform View {
     uint width, first_row, row_count, has_full;
     int rule, smooth_shading;               // VoxelColors::Rule
     uint has_attributes, has_normals;
+    uint y_upwards;                         // 0: z is
     uvec4 first_rows[3];                    // of levels, in Nodes
     uvec4 first_attributes[6];              // of depths, in Attributes; none: all bits
     uvec4 first_normals[6];                 // in Normals
@@ -37,13 +38,13 @@ const int rule_rgb = 1, rule_elevation = 2, rule_count = 3, rule_normal = 4, rul
 #include "voxel_clip.glsl"
 
 const float level_light = 0.675;
-const vec3 sky = vec3(0.057, -0.191, 0.325);
 const float line_width = 1.0, line_darkness = 0.3, least_lined = 4.0, whole_lined = 16.0;
 const double surface_radius = 4.0lf, distant_radius = 2.5lf, stand_back = 0.25lf;
 const float least_cube = 2.0, whole_cube = 4.0, distant_relief = 2.0;
 const double most_smoothed = 1.5lf;
 
-float sky_light(vec3 normal) { return level_light + dot(sky, normal); }
+// As sky_light.h.
+float sky_light(vec3 normal) { return level_light + dot(view.y_upwards != 0u ? vec3(0.057, 0.325, 0.191) : vec3(0.057, -0.191, 0.325), normal); }
 
 vec3 face_normal(int face) {
     return vec3(equal(ivec3(face / 2), ivec3(0, 1, 2))) * ((face & 1) == 0 ? -1.0 : 1.0);

@@ -54,7 +54,7 @@ protected:
         gbuffer.colors.assign(pixels, 0);
         gbuffer.depths.assign(pixels, kNoDepth);
         gbuffer.ids.assign(pixels, kNoPixelId);
-        MeshPass().draw(model, 1, {camera, kWidth, kHeight, Vec2f::Zero(), {}, 2, gpu}, gbuffer);
+        MeshPass().draw(model, 1, {camera, kWidth, kHeight, Vec2f::Zero(), {}, 2, UpAxis::z, gpu}, gbuffer);
         return gbuffer;
     }
 

@@ -528,7 +528,7 @@ TEST(MeshPass, ASquareIsLitByTheSkyFromBothSides) {
                     ASSERT_EQ(gbuffer.depths[pixel], in ? 7.0f : kNoDepth) << x << ' ' << y;
                     ASSERT_EQ(gbuffer.splat_px[pixel], in ? 1 : 0);
                     if (!in) continue;
-                    ASSERT_EQ(gbuffer.colors[pixel], encoded(plain * sky_light(Vec3f::UnitZ())));
+                    ASSERT_EQ(gbuffer.colors[pixel], encoded(plain * Sky().light(Vec3f::UnitZ())));
                     ASSERT_EQ(slot_of(gbuffer.ids[pixel]), back ? kBackSlot : kFrontSlot);
                     ASSERT_EQ(drawable_of(gbuffer.ids[pixel]), 1u);
                 }
@@ -546,7 +546,7 @@ TEST(MeshPass, ColorsOfVerticesMixInLinearLight) {
     MeshPass().draw(model_of(mesh, {.shading = MeshShading::flat}, "rgb"), 1, view_of(from_above()), gbuffer);
     for (uint32_t x = 28; x < 68; ++x) {
         const float share = (float(x) + 0.5f - 28.0f) / 40.0f;
-        EXPECT_NEAR(red_of(gbuffer.colors[40 * kWidth + x]), srgb8_from_linear(share * sky_light(Vec3f::UnitZ())), 1) << x;
+        EXPECT_NEAR(red_of(gbuffer.colors[40 * kWidth + x]), srgb8_from_linear(share * Sky().light(Vec3f::UnitZ())), 1) << x;
     }
 }
 
