@@ -377,7 +377,8 @@ void Renderer::draw_meshes(Frame& frame, const Scene& scene, const Strip& strip,
     frame.meshes_seen.resize(scene.meshes.size());
     for (size_t i = 0; i < scene.meshes.size(); ++i) {
         const TriangleMesh& mesh = *scene.meshes[i].mesh;
-        const bool fits = MeshGlPass::gpu_bytes(mesh.positions.size(), mesh.triangles.size()) <= frame.gpu_bytes;
+        const bool fits = MeshGlPass::gpu_bytes(mesh.positions.size(), mesh.triangles.size()) <= frame.gpu_bytes && settings.clips.empty();
+        if (!fits) frame.report.rasterizer = Rasterizer::cpu;
         const MeshView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads, settings.up, fits ? frame.gpu_meshes : nullptr};
         if (buffers_->meshes.draw(scene.meshes[i], uint32_t(1 + scene.voxels.size() + i), view, out)) frame.meshes_seen[i] = true;
     }

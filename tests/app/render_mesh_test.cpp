@@ -150,6 +150,27 @@ TEST_F(RenderMesh, StatsAndDepthSayWhatIsThere) {
     EXPECT_NE(away.err.find("nothing is in sight"), std::string::npos) << away.err;
 }
 
+// A model that stands along y looks as the one that stands along z, for views and from a free camera, but for corners that are rounded otherwise.
+TEST_F(RenderMesh, ModelsThatStandAlongYAreTurned) {
+    TriangleMesh mesh = scene_mesh(), turned;
+    const Vec3d middle(548015, 5327990, 480);
+    for (Vec3d& p : mesh.positions) p -= middle;
+    turned = mesh;
+    for (Vec3d& p : turned.positions) p = Vec3d(p.x(), p.z(), -p.y());
+    write_obj(file("along_z.obj"), mesh);
+    write_obj(file("along_y.obj"), turned);
+    for (const std::string name : {"iso", "top", "front", "left"}) {
+        ASSERT_EQ(render({file("along_z.obj"), "-o", file("z.png"), "--view", name}).exit_code, 0);
+        const ProgramResult result = render({file("along_y.obj"), "-o", file("y.png"), "--view", name, "--up", "y", "--reference", file("z.png"), "--threshold", "2"});
+        EXPECT_EQ(result.exit_code, 0) << name << result.err;
+        EXPECT_EQ(render({file("along_y.obj"), "-o", file("y.png"), "--view", name, "--reference", file("z.png"), "--threshold", "2"}).exit_code, 1) << name;
+    }
+    ASSERT_EQ(render({file("along_z.obj"), "-o", file("z.png"), "--eye", "30,-20,25", "--target", "0,0,5"}).exit_code, 0);
+    EXPECT_EQ(render({file("along_y.obj"), "-o", file("y.png"), "--eye", "30,25,20", "--target", "0,5,0", "--up", "y", "--reference", file("z.png"), "--threshold", "2"}).exit_code, 0);
+    const ProgramResult none = render({file("along_y.obj"), "-o", file("none.png"), "--up", "x", "--eye", "1,2,3"});
+    EXPECT_EQ(none.exit_code, 2);
+}
+
 // A ball of voxels and the ball that they were made of are one surface: the picture of both shows either where the other one's cells end.
 TEST_F(RenderMesh, MeshesAndTheirVoxelsLieAtOneDepth) {
     TriangleMesh ball = sphere_mesh(Vec3d(500000, 5000000, 100), 5.0, 40);

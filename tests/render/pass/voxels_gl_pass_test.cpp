@@ -127,7 +127,8 @@ protected:
     // Draws with both. Software GL divides as the CPU does, so rays find the same; lengths and cosines may be rounded otherwise.
     void expect_alike(const VoxelModel& model, const Camera& camera, double error_px, std::span<const ClipBox> clips,
                       const std::string& what) {
-        const VoxelView view = {camera, kWidth, kHeight, Vec2f(0.25f, -0.375f), error_px, clips, 2};
+        const UpAxis up = camera.projection == Projection::orthographic ? UpAxis::y : UpAxis::z;
+        const VoxelView view = {camera, kWidth, kHeight, Vec2f(0.25f, -0.375f), error_px, clips, 2, up};
         GBuffer cpu = empty_gbuffer(), gpu = empty_gbuffer();
         const VoxelsDrawn cpu_drawn = draw_voxels(model, 3, view, cpu);
         VoxelsDrawn gpu_drawn;
