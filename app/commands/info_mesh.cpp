@@ -23,8 +23,8 @@ ordered_json mesh_report(const std::string& path, const Format& format, bool exa
     if (!mesh.normals.empty()) add("normal", "float", 3);
     if (!mesh.colors.empty()) add("color", "uint8", 4);
     if (exact) {
-        // All edges are kept, three for two triangles: a table of twice to four times as many slots of 9 bytes, and the one before while it grows.
-        const uint64_t needed = mesh.size_bytes() + mesh.triangles.size() * 3 / 2 * 4 * 9 * 3 / 2 + mesh.positions.size() * 5;
+        // All edges are kept, 32 bytes a vertex and some that many edges end at; and parts, 5 bytes a vertex.
+        const uint64_t needed = mesh.size_bytes() + mesh.positions.size() * 40;
         if (needed > memory_bytes)
             throw Error(ErrorKind::limit, path + ": its surface needs about " + std::to_string(needed) + " bytes of memory to be measured, " + std::to_string(memory_bytes) + " are allowed");
         const SurfaceReport surface = measure_surface(mesh);

@@ -14,12 +14,12 @@ constexpr uint64_t kFree = std::numeric_limits<uint64_t>::max();  // no edge: it
 constexpr uint64_t kRunFaces = 65'536;
 constexpr size_t kLeastSlots = 1024;
 
-constexpr uint8_t kOneUp = 1, kOneDown = 8, kMostTimes = 7;
+constexpr uint8_t kOneUp = 1, kOneDown = 8, kMostTimes = 7, kTimes = 0x3F;
 
 uint8_t times_up(uint8_t state) { return state & 7; }
 uint8_t times_down(uint8_t state) { return state >> 3 & 7; }
 
-bool is_settled(uint8_t state) { return times_up(state) == 1 && times_down(state) == 1; }
+bool is_settled(uint8_t state) { return (state & kTimes) == (kOneUp | kOneDown); }
 
 }  // namespace
 
@@ -32,26 +32,58 @@ size_t EdgeTable::slot_of(const Slots& slots, uint64_t key) {
     return slot;
 }
 
-void EdgeTable::add(uint32_t from, uint32_t to) {
-    if (slots_.keys.size() < 2 * (slots_.used + 1)) move_to(std::max(kLeastSlots, 2 * slots_.keys.size()), false);
-    const bool up = from < to;
-    const uint64_t key = up ? uint64_t{from} << 32 | to : uint64_t{to} << 32 | from;
-    const size_t slot = slot_of(slots_, key);
-    uint8_t& state = slots_.states[slot];
-    if (slots_.keys[slot] == kFree) {
-        slots_.keys[slot] = key;
-        ++slots_.used;
-        ++edges_;
+// Of an edge that is new, 0.
+uint8_t& EdgeTable::early_state_of(uint64_t key) {
+    if (early_.keys.size() < 2 * (early_.used + 1)) move_to(std::max(kLeastSlots, 2 * early_.keys.size()), false);
+    const size_t slot = slot_of(early_, key);
+    uint8_t& state = early_.states[slot];
+    if (early_.keys[slot] == kFree) {
+        early_.keys[slot] = key;
+        ++early_.used;
         state = 0;
     }
-    if ((up ? times_up(state) : times_down(state)) < kMostTimes) state = uint8_t(state + (up ? kOneUp : kOneDown));
-    state = uint8_t((state & 0x3F) | run_ << 6);
+    state = uint8_t((state & kTimes) | run_ << 6);
+    return state;
 }
 
-// Sweeping costs as much as the table is large, so a run is as long as that.
-void EdgeTable::face_done() {
-    if (keep_all_ || ++faces_in_run_ < std::max<uint64_t>(kRunFaces, slots_.used / 2)) return;
-    move_to(slots_.keys.size(), true);
+uint8_t& EdgeTable::state_of(uint32_t least, uint32_t greatest) {
+    if (least >= first_late_) {
+        Star& star = late_[least - first_late_];
+        for (size_t i = 0; i < star.count; ++i)
+            if (star.ends[i] == greatest) return star.states[i];
+        if (star.count < kAtVertex) {
+            star.ends[star.count] = greatest;
+            return star.states[star.count++] = 0;
+        }
+    }
+    return early_state_of(uint64_t{least} << 32 | greatest);
+}
+
+void EdgeTable::add(uint32_t from, uint32_t to) {
+    const bool up = from < to;
+    uint8_t& state = up ? state_of(from, to) : state_of(to, from);
+    edges_ += (state & kTimes) == 0;
+    if ((up ? times_up(state) : times_down(state)) < kMostTimes) state = uint8_t(state + (up ? kOneUp : kOneDown));
+}
+
+// A run is as long as the table is large, which is swept at its end; and ends between pieces, as faces of the vertices of one are yet to come.
+void EdgeTable::add_vertices(uint64_t count) {
+    if (!keep_all_ && faces_in_run_ >= std::max<uint64_t>(kRunFaces, early_.used / 2)) end_run();
+    late_.resize(late_.size() + size_t(count));
+}
+
+void EdgeTable::end_run() {
+    const size_t leaving = first_of_run_ - first_late_;
+    for (size_t i = 0; i < leaving; ++i)
+        for (size_t k = 0; k < late_[i].count; ++k)
+            if (!is_settled(late_[i].states[k])) {
+                uint8_t& state = early_state_of(uint64_t{first_late_ + i} << 32 | late_[i].ends[k]);
+                state = uint8_t(state | late_[i].states[k]);
+            }
+    late_.erase(late_.begin(), late_.begin() + ptrdiff_t(leaving));
+    first_late_ = first_of_run_;
+    first_of_run_ += uint32_t(late_.size());
+    move_to(early_.keys.size(), true);
     faces_in_run_ = 0;
     run_ = (run_ + 1) & 3;
 }
@@ -59,33 +91,36 @@ void EdgeTable::face_done() {
 // forget  what is settled and was not met in this run
 void EdgeTable::move_to(size_t capacity, bool forget) {
     const auto stays = [&](size_t slot) {
-        return slots_.keys[slot] != kFree && !(forget && is_settled(slots_.states[slot]) && slots_.states[slot] >> 6 != run_);
+        return early_.keys[slot] != kFree && !(forget && is_settled(early_.states[slot]) && early_.states[slot] >> 6 != run_);
     };
     if (forget) {
         size_t left = 0;
-        for (size_t slot = 0; slot < slots_.keys.size(); ++slot) left += stays(slot);
+        for (size_t slot = 0; slot < early_.keys.size(); ++slot) left += stays(slot);
         capacity = std::max(kLeastSlots, std::bit_ceil(4 * left));
     }
     Slots moved{.keys = std::vector<uint64_t>(capacity, kFree), .states = std::vector<uint8_t>(capacity)};
-    for (size_t slot = 0; slot < slots_.keys.size(); ++slot) {
+    for (size_t slot = 0; slot < early_.keys.size(); ++slot) {
         if (!stays(slot)) continue;
-        const size_t to = slot_of(moved, slots_.keys[slot]);
-        moved.keys[to] = slots_.keys[slot];
-        moved.states[to] = slots_.states[slot];
+        const size_t to = slot_of(moved, early_.keys[slot]);
+        moved.keys[to] = early_.keys[slot];
+        moved.states[to] = early_.states[slot];
         ++moved.used;
     }
-    slots_ = std::move(moved);
+    early_ = std::move(moved);
 }
 
 void EdgeTable::count(SurfaceReport& report) const {
-    for (size_t slot = 0; slot < slots_.keys.size(); ++slot) {
-        if (slots_.keys[slot] == kFree) continue;
-        const int up = times_up(slots_.states[slot]), down = times_down(slots_.states[slot]);
+    const auto add = [&](uint8_t state) {
+        const int up = times_up(state), down = times_down(state);
         report.boundary_edges += up + down == 1;
         report.nonmanifold_edges += up + down > 2;
         report.open_edges += up != down;
         report.flipped_edges += up + down == 2 && up != down;
-    }
+    };
+    for (const Star& star : late_)
+        for (size_t i = 0; i < star.count; ++i) add(star.states[i]);
+    for (size_t slot = 0; slot < early_.keys.size(); ++slot)
+        if (early_.keys[slot] != kFree) add(early_.states[slot]);
 }
 
 void SurfaceMeter::add_vertices(uint64_t count) {
@@ -93,6 +128,7 @@ void SurfaceMeter::add_vertices(uint64_t count) {
     parents_.resize(before + size_t(count));
     for (size_t i = before; i < parents_.size(); ++i) parents_[i] = uint32_t(i);
     used_.resize(parents_.size());
+    edges_.add_vertices(count);
     report_.vertices += count;
 }
 
