@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <condition_variable>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <string>
 
@@ -18,7 +20,7 @@
 namespace strata {
 namespace {
 
-constexpr size_t kBricksAThread = 4;  // between two turns of the sink
+constexpr size_t kBricksAThread = 4;  // that may wait for their turn
 
 // What finds the faces of a brick, one per thread.
 struct Worker {
@@ -58,19 +60,7 @@ public:
         counts_.solid_voxels = count_cells(tree_, depth_);
         counts_.faces_uncut = 6 * counts_.solid_voxels;
         if (closed()) find_corners();
-        const size_t round = kBricksAThread * size_t(std::max(settings_.threads, 1));
-        std::vector<Part> parts(round), done(round);
-        size_t done_count = 0;
-        for (size_t begin = 0; begin < bricks_.size() + round; begin += round) {
-            const size_t count = begin < bricks_.size() ? std::min(round, bricks_.size() - begin) : 0;
-            // The round before goes out while this one is made.
-            parallel_blocks(settings_.threads, count + 1, 1, [&](size_t i, size_t) {
-                if (i == 0) put(std::span(done).first(done_count));
-                else make(begin + i - 1, parts[i - 1]);
-            });
-            std::swap(parts, done);
-            done_count = count;
-        }
+        put_all();
         return counts_;
     }
 
@@ -96,6 +86,46 @@ private:
         });
     }
 
+    // Bricks are made side by side and put out in their order, by whoever is done when one's turn has come, for all.
+    void put_all() {
+        const size_t window = kBricksAThread * size_t(std::max(settings_.threads, 1));
+        std::vector<Part> parts(window);
+        std::vector<char> made(window);
+        std::mutex mutex;
+        std::condition_variable moved;
+        size_t begun = 0, next = 0;  // of bricks
+        bool putting = false, failed = false;
+        parallel_workers(settings_.threads, [&](int) {
+            std::unique_ptr<Worker> worker = take_worker();
+            std::unique_lock lock(mutex);
+            try {
+                for (;;) {
+                    moved.wait(lock, [&] { return failed || begun == bricks_.size() || begun < next + window; });
+                    if (failed || begun == bricks_.size()) return;
+                    const size_t brick = begun++;
+                    lock.unlock();
+                    make(brick, *worker, parts[brick % window]);
+                    lock.lock();
+                    made[brick % window] = 1;
+                    while (!putting && !failed && made[next % window] != 0) {
+                        putting = true;
+                        lock.unlock();
+                        put_in_turn(parts[next % window]);
+                        lock.lock();
+                        putting = false;
+                        made[next++ % window] = 0;
+                        moved.notify_all();
+                    }
+                }
+            } catch (...) {
+                if (!lock.owns_lock()) lock.lock();
+                failed = true;
+                moved.notify_all();
+                throw;
+            }
+        });
+    }
+
     template <class Visit>  // of each of the 26 neighbors that there are: number, step to it in bricks
     void visit_neighbors(size_t brick, const Visit& visit) const {
         const std::array<uint32_t, 3> place = bricks_.place(brick);
@@ -108,22 +138,20 @@ private:
                 }
     }
 
-    void make(size_t brick, Part& part) {
+    void make(size_t brick, Worker& worker, Part& part) const {
         part.brick = brick;
         part.mesh.vertices.clear();
         part.mesh.triangles.clear();
         part.mesh.quads.clear();
         part.shared.clear();
         part.faces = part.rectangles = 0;
-        std::unique_ptr<Worker> worker = take_worker();
-        if (bricks_.gather(brick, materials_, worker->brick)) {
-            worker->finder.find(worker->brick, worker->rectangles);
-            part.rectangles = worker->rectangles.size();
-            for (const CubeRectangle& r : std::span(worker->rectangles.all).first(part.rectangles)) part.faces += r.width() * r.height();
-            if (closed()) join(*worker, part);
-            else separate(worker->rectangles, part);
+        if (bricks_.gather(brick, materials_, worker.brick)) {
+            worker.finder.find(worker.brick, worker.rectangles);
+            part.rectangles = worker.rectangles.size();
+            for (const CubeRectangle& r : std::span(worker.rectangles.all).first(part.rectangles)) part.faces += r.width() * r.height();
+            if (closed()) join(worker, part);
+            else separate(worker.rectangles, part);
         }
-        workers_.give_back(std::move(worker));
         place_vertices(part);
     }
 
@@ -171,16 +199,13 @@ private:
         return {color[0], color[1], color[2], 255};
     }
 
-    // In the order of bricks.
-    void put(std::span<Part> parts) {
-        for (Part& part : parts) {
-            counts_.faces_culled += part.faces;
-            counts_.rectangles += part.rectangles;
-            counts_.triangles += part.mesh.triangles.size();
-            counts_.quads += part.mesh.quads.size();
-            if (part.rectangles != 0) put(part);
-            if (closed()) forget(part.brick);
-        }
+    void put_in_turn(Part& part) {
+        counts_.faces_culled += part.faces;
+        counts_.rectangles += part.rectangles;
+        counts_.triangles += part.mesh.triangles.size();
+        counts_.quads += part.mesh.quads.size();
+        if (part.rectangles != 0) put(part);
+        if (closed()) forget(part.brick);
     }
 
     // Vertices that bricks put out before have are the same; the others get the next numbers.

@@ -44,7 +44,7 @@ struct CubeSurfaceCounts {
 ///         Error{limit}: more than 2^32 - 1 vertices
 ///         what the sink throws
 /// cost    On one thread 0.15 microseconds a rectangle of a scan, closed (4 triangles for 3 of the others), and 0.07 separate. Memory: 3 MB
-///         and the output of 8 bricks a thread; closed, 4 bytes for a corner on the outside of a brick, and 16 for a vertex there as long
+///         and the output of 4 bricks a thread; closed, 4 bytes for a corner on the outside of a brick, and 16 for a vertex there as long
 ///         as a brick that has it, too, is to come
 CubeSurfaceCounts mesh_cubes(const VoxelTree& tree, const CubeSurfaceSettings& settings, SurfaceSink& out);
 

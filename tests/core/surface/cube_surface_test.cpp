@@ -293,6 +293,22 @@ TEST(CubeSurface, FullCellsAreTheCellsTheyHoldWithColors) {
         }
 }
 
+// A sink that fails ends all threads, and its error is what comes out.
+TEST(CubeSurface, AFailingSinkEndsIt) {
+    struct Failing : SurfaceSink {
+        int left = 3;
+        void add(const SurfacePiece&) override {
+            if (left-- == 0) throw Error(ErrorKind::io, "full");
+        }
+    };
+    const VoxelTree tree = tree_of(random_boxes(4, 80, 11), true);
+    for (const int threads : {1, 3}) {
+        Failing sink;
+        EXPECT_THROW(mesh_cubes(tree, {.threads = threads}, sink), Error);
+        EXPECT_EQ(sink.left, -1);
+    }
+}
+
 TEST(CubeSurface, SaysWhatItCannotDo) {
     const VoxelTree tree = tree_of(random_cube(2, 0.5, 1));
     SurfaceInMemory surface;
