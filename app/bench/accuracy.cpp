@@ -1,6 +1,7 @@
 #include "app/bench/accuracy.h"
 
 #include "app/bench/cone_cases.h"
+#include "app/bench/contour_cases.h"
 #include "app/bench/edl_cases.h"
 #include "app/bench/normal_cases.h"
 #include "app/bench/ssao_cases.h"
@@ -12,7 +13,7 @@ namespace strata {
 namespace {
 
 constexpr std::optional<BenchSection> (*kComparisons[])(BenchScene&, const BenchSettings&) = {run_splat_cases, run_edl_cases, run_ssao_cases, run_ssao_forms,
-                                                                                                       run_normal_cases, run_cone_cases};
+                                                                                                       run_normal_cases, run_cone_cases, run_contour_cases};
 
 }  // namespace
 

@@ -525,6 +525,22 @@ private:
 
     Vec3f normal_of(const Vec3d& outward) const { return unit_normal(normal_from_gradient_ * outward); }
 
+    // Whether cells of a plane have a crossed edge that begins in the place of a brick without cells.
+    static bool crosses_unowned(const std::array<const Part*, 8>& around, const std::array<uint64_t, 8>& corner, unsigned k) {
+        constexpr uint64_t kLastRow = uint64_t{0xff} << 56;
+        const auto beyond = [](bool is_at_end, uint64_t last, bool upper) { return is_at_end ? last : upper ? ~last : ~uint64_t{0}; };
+        for (unsigned n = 1; n < 8; ++n) {
+            if (around[n] != nullptr) continue;
+            for (const CellEdge& edge : kCellEdge) {
+                const unsigned c = edge.lower;
+                if ((c & n) != n || ((n & 4) != 0) != ((c & 4) != 0 && k == kSide - 1)) continue;
+                const uint64_t there = beyond((n & 1) != 0, kLastColumn, (c & 1) != 0) & beyond((n & 2) != 0, kLastRow, (c & 2) != 0);
+                if (((corner[edge.lower] ^ corner[edge.upper]) & there) != 0) return true;
+            }
+        }
+        return false;
+    }
+
     void put_triangles(const Cells& cells, const Cells* above, size_t isovalue, size_t brick) {
         const Part& part = cells.parts[isovalue * cells.corners.size() + brick];
         if (part.triangles == 0) return;
@@ -537,16 +553,22 @@ private:
             const int32_t at = neighbors_[brick][n];
             around[n] = at < 0 ? nullptr : &there->parts[isovalue * there->corners.size() + size_t(at)];
         }
-        const auto vertex_on = [&](size_t e, unsigned i, unsigned j, unsigned k) {
-            const CellEdge& edge = kCellEdge[e];
+        // Edges without a vertex may have no owner, and get a number that is not used.
+        static constexpr Part kNobody = {};
+        std::array<const Part*, 8> owners = around;
+        bool all_owned = true;
+        for (const Part*& owner : owners)
+            if (owner == nullptr) {
+                owner = &kNobody;
+                all_owned = false;
+            }
+        const auto vertex_on = [&](const CellEdge& edge, unsigned i, unsigned j, unsigned k) {
             i += edge.lower & 1;
             j += edge.lower >> 1 & 1;
             k += edge.lower >> 2;
-            const Part* const place = around[i >> 3 | j >> 3 << 1 | k >> 3 << 2];
-            if (place == nullptr) refuse_absent(cells);
-            const Part& owner = *place;
-            const uint64_t row = owner.crossed[edge.axis][k & 7];
-            return owner.first[edge.axis][k & 7] + uint32_t(std::popcount(row & ((uint64_t{1} << ((j & 7) * 8 + (i & 7))) - 1)));
+            const Part& owner = *owners[i >> 3 | j >> 3 << 1 | k >> 3 << 2];
+            const uint64_t before = (uint64_t{1} << ((j & 7) * 8 + (i & 7))) - 1;
+            return owner.first[edge.axis][k & 7] + uint32_t(std::popcount(owner.crossed[edge.axis][k & 7] & before));
         };
 
         std::array<uint32_t, kCellEdges + CellPatch::kMostInner> ids = {};
@@ -558,15 +580,14 @@ private:
             const std::array<uint64_t, 4> high = corners_of(cells, layers, isovalue, brick, int(k) + 1);
             const std::array<uint64_t, 8> corner = corner_words(low, high);
             low = high;
+            if (!all_owned && crosses_unowned(around, corner, k)) refuse_absent(cells);
             for (uint64_t left = active_cells(corner); left != 0; left &= left - 1) {
                 const auto bit = unsigned(std::countr_zero(left));
                 const unsigned i = bit & 7, j = bit >> 3;
                 unsigned cell_case = 0;
                 for (unsigned c = 0; c < 8; ++c) cell_case |= unsigned(corner[c] >> bit & 1) << c;
-                for (unsigned crossed = kCrossedEdges[cell_case]; crossed != 0; crossed &= crossed - 1) {
-                    const auto e = size_t(std::countr_zero(crossed));
-                    ids[e] = vertex_on(e, i, j, k);
-                }
+#pragma GCC unroll 12
+                for (size_t e = 0; e < kCellEdges; ++e) ids[e] = vertex_on(kCellEdge[e], i, j, k);
                 const uint8_t count = plain.triangles[cell_case];
                 if (count != CellCases::kUndecided) {
                     const auto& vertices = plain.vertices[cell_case];

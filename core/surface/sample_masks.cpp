@@ -15,6 +15,7 @@ namespace strata {
 namespace {
 
 constexpr size_t kWord = 64, kLanes = 16;
+constexpr size_t kAhead = 512;  // samples; what lies beyond the last is asked for in vain
 
 using Floats = float __attribute__((vector_size(64)));
 using Counts = int32_t __attribute__((vector_size(64)));
@@ -30,6 +31,7 @@ inline void add_statistics(const float* samples, size_t n, SampleStatistics& sta
     for (size_t i = 0; i < whole; i += kLanes) {
         Floats v;
         std::memcpy(&v, samples + i, sizeof v);
+        __builtin_prefetch(samples + i + kAhead);  // across the pages' ends, before which the processor's own stops
         least = v < least ? v : least;
         greatest = v > greatest ? v : greatest;
         nan -= v != v;

@@ -638,8 +638,7 @@ void SlabContour::emit(const SlabSamples& samples, int64_t first, int64_t end, c
     const Unit& layer_unit = layer_units_[unit(first - slab_first_, 0)];
     const uint64_t first_vertex = first == 0 ? 0 : layer_unit.first_vertex;
     std::mutex mutex;
-    constexpr size_t kLayers = 4;  // at a time: a slice between two of them is read once
-    parallel_blocks(threads_, size_t(end - first), kLayers, [&](size_t begin, size_t stop) {
+    parallel_blocks(threads_, size_t(end - first), 1, [&](size_t begin, size_t stop) {
         CutStatistics cuts;
         for (size_t n = begin; n < stop; ++n) {
             const int64_t layer = first + int64_t(n) - slab_first_;

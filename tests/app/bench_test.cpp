@@ -117,6 +117,23 @@ TEST(Bench, AccuracyOfAmbientOcclusionOfTheScene) {
     EXPECT_NE(text_of(folder.file("out/accuracy.md")).find("(accuracy_ssao_error.svg)"), std::string::npos);
 }
 
+// Linear interpolation errs by the square of the cell; on distances to a sphere there is a bound.
+TEST(Bench, AccuracyOfIsosurfaces) {
+    const TemporaryFolder folder;
+    const ProgramResult result = run_strata(small({"accuracy", "--only", "contour/", "-o", folder.file("out")}));
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const auto rows = rows_of(folder.file("out/accuracy_contour.csv"));
+    ASSERT_EQ(rows.size(), 15u);
+    const auto value = [&](const std::string& name, const char* column) { return std::stod(rows.at("contour/" + name).at(column)); };
+    for (const char* name : {"sphere/65", "sphere/129", "sphere/257", "torus/65", "torus/129", "torus/257"}) EXPECT_NEAR(value(name, "order"), 2.0, 0.1) << name;
+    for (const char* name : {"gyroid/129", "gyroid/257"}) EXPECT_NEAR(value(name, "order"), 2.0, 0.2) << name;  // its field bends more
+    for (const char* samples : {"17", "33", "65", "129", "257"}) {
+        const std::string name = std::string("sphere/") + samples;
+        EXPECT_LE(value(name, "largest"), value(name, "bound") + 1e-7) << name;  // and floats
+    }
+    EXPECT_NE(text_of(folder.file("out/accuracy.md")).find("(accuracy_contour_error.svg)"), std::string::npos);
+}
+
 // More cones, and more rays, come nearer to the truth; one cone does better than its mean.
 TEST(Bench, AccuracyOfCones) {
     const TemporaryFolder folder;
