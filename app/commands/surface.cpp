@@ -194,7 +194,7 @@ int run(const Options& options) {
     ProgressLine progress(quiet);
     const uint64_t memory = request.memory_bytes;
     const std::unique_ptr<ScratchStore> field_scratch = make_scratch_file(folder), place_scratch = make_scratch_file(folder);
-    request.memory_bytes = memory / 4 * 3;  // places of vertices take an eighth, what the report counts the rest
+    request.memory_bytes = memory / 2;  // places of vertices take an eighth, what the report counts the rest
     request.scratch = field_scratch.get();
     const std::unique_ptr<SurfaceInput> input = open_surface_input(options.positional, request);
     MeasuredSurface measured(nullptr, place_scratch.get(), memory / 8);

@@ -148,7 +148,8 @@ private:
 class GridInput : public ContourInput {
 public:
     GridInput(const std::string& path, const SurfaceRequest& request)
-        : ContourInput(request, ContourInside::above), field_(open_vdb_field(path, {.grid = request.grid, .memory_bytes = request.memory_bytes, .scratch = request.scratch})) {
+        : ContourInput(request, ContourInside::above), field_(open_vdb_field(path, {.grid = request.grid, .memory_bytes = request.memory_bytes / 2, .scratch = request.scratch})) {
+        settings_.memory_bytes = request.memory_bytes / 2;
         refuse_flags_of_voxels(request);
         const bool is_level_set = field_->grid().grid_class == "level set";
         if (is_level_set && !request.inside) settings_.inside = ContourInside::below;

@@ -7,6 +7,7 @@
 
 #include "core/math/box.h"
 #include "core/math/vec.h"
+#include "core/surface/large_array.h"
 #include "core/surface/surface_sink.h"
 #include "core/surface/triangle_mesh.h"
 #include "core/surface/vertex_positions.h"
@@ -100,7 +101,7 @@ private:
 
     SurfaceReport report_;  // what is counted as it comes
     EdgeTable edges_;
-    std::vector<uint32_t> parents_;  // [vertices] towards the root of its component; of what no face has, itself
+    LargeArray<uint32_t> parents_;   // [vertices] towards the root of its component; of what no face has, itself
     std::vector<bool> used_;         // [vertices]
     uint64_t used_vertices_ = 0;
     Vec3d reference_ = Vec3d::Zero();  // world: volumes are summed about it, so that far from 0 nothing cancels
