@@ -285,8 +285,8 @@ private:
 };
 
 /// The first cell that stops a ray. path  of any voxel, such as the last of a ray near it
-template <class Look>
-bool walk_to_hit(const Look& look, const RayWalk& walk, const WalkStart& start, NodePath& path, VoxelHit& hit) {
+template <class Look, class Hit>
+bool walk_to_hit(Look&& look, const RayWalk& walk, const WalkStart& start, NodePath& path, Hit& hit) {
     path.turn_to(look.levels(), start.voxel);
     double t = start.event.t;
     look.restart(walk, t, path);

@@ -1,0 +1,168 @@
+#include "core/surface/field_bricks.h"
+
+#include <algorithm>
+#include <string>
+
+#include "core/error.h"
+
+namespace strata {
+namespace {
+
+Box3d box_of_samples(const GridPlacement& placement, const Vec3d& least, const Vec3d& greatest) {
+    Box3d box;
+    for (int corner = 0; corner < 8; ++corner)
+        box.extend(placement.world_from_index(
+            {(corner & 1 ? greatest : least).x(), (corner & 2 ? greatest : least).y(), (corner & 4 ? greatest : least).z()}));
+    return box;
+}
+
+}  // namespace
+
+void FieldBricks::allow(uint64_t bricks, uint64_t stored, uint64_t memory_bytes) const {
+    const uint64_t needed = bricks * (sizeof(uint32_t) + sizeof(ValueRange)) + stored * kFieldBrickSamples * sizeof(float);
+    if (needed > memory_bytes)
+        throw Error(ErrorKind::limit, "the field needs " + std::to_string(needed) + " bytes of memory, " + std::to_string(memory_bytes) +
+                                          " are allowed; --memory gives more");
+}
+
+uint64_t FieldBricks::size_bytes() const {
+    return numbers_.size() * sizeof(uint32_t) + values_.size() * sizeof(float) +
+           (ranges_.size() + wide_ranges_.size()) * sizeof(ValueRange);
+}
+
+std::array<float, 8> FieldBricks::corners(const std::array<int32_t, 3>& cell) const {
+    const auto [i, j, k] = cell;
+    if ((i & 7) < 7 && (j & 7) < 7 && (k & 7) < 7) {
+        const uint32_t number = numbers_[brick_index(i >> 3, j >> 3, k >> 3)];
+        if (number != kNone) {
+            const float* const at = values_.data() + size_t{number} * kFieldBrickSamples + ((k & 7) << 6 | (j & 7) << 3 | (i & 7));
+            return {at[0], at[1], at[8], at[9], at[64], at[65], at[72], at[73]};
+        }
+    }
+    std::array<float, 8> values;
+    for (int corner = 0; corner < 8; ++corner) values[size_t(corner)] = sample(i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2));
+    return values;
+}
+
+// Of the cells of each brick: its own samples and the nearest of the bricks above.
+void FieldBricks::find_ranges() {
+    ranges_.assign(numbers_.size(), {});
+    for (int32_t k = 0; k < bricks_[2]; ++k)
+        for (int32_t j = 0; j < bricks_[1]; ++j)
+            for (int32_t i = 0; i < bricks_[0]; ++i) {
+                const uint32_t number = numbers_[brick_index(i, j, k)];
+                // By which of i, j, k are the least of the brick: what the bricks below need of this one.
+                std::array<ValueRange, 8> parts;
+                if (number == kNone) {
+                    for (ValueRange& part : parts) part.add(beyond_);
+                } else {
+                    const float* at = values_.data() + size_t{number} * kFieldBrickSamples;
+                    for (int z = 0; z < 8; ++z)
+                        for (int y = 0; y < 8; ++y, at += 8) {
+                            ValueRange row;
+                            for (int x = 0; x < 8; ++x) row.add(at[x]);
+                            for (size_t bits = 0; bits < 8; bits += 2) {
+                                if ((bits & 2 && y > 0) || (bits & 4 && z > 0)) continue;
+                                parts[bits].add(row);
+                                parts[bits | 1].add(at[0]);
+                            }
+                        }
+                }
+                for (int32_t bits = 0; bits < 8; ++bits) {
+                    const int32_t below[3] = {i - (bits & 1), j - (bits >> 1 & 1), k - (bits >> 2)};
+                    if (below[0] >= 0 && below[1] >= 0 && below[2] >= 0)
+                        ranges_[brick_index(below[0], below[1], below[2])].add(parts[size_t(bits)]);
+                }
+            }
+    // Beyond the last bricks there may be a background.
+    wide_ranges_.assign(size_t(wide(0)) * size_t(wide(1)) * size_t(wide(2)), {});
+    for (int32_t k = 0; k < bricks_[2]; ++k)
+        for (int32_t j = 0; j < bricks_[1]; ++j)
+            for (int32_t i = 0; i < bricks_[0]; ++i) {
+                ValueRange& range = ranges_[brick_index(i, j, k)];
+                if (i + 1 == bricks_[0] || j + 1 == bricks_[1] || k + 1 == bricks_[2]) range.add(beyond_);
+                wide_ranges_[(size_t(k / 8) * size_t(wide(1)) + size_t(j / 8)) * size_t(wide(0)) + size_t(i / 8)].add(range);
+                range_.add(range);
+            }
+}
+
+FieldBricks FieldBricks::of_slices(SliceSource& source, uint64_t memory_bytes) {
+    FieldBricks field;
+    field.placement_ = source.placement();
+    const std::array<uint32_t, 3> size = source.size();
+    if (size[0] == 0 || size[1] == 0 || size[2] == 0) return field;
+    uint64_t bricks = 1;
+    for (size_t axis = 0; axis < 3; ++axis) {
+        if (size[axis] > 1u << 18) throw Error(ErrorKind::limit, "at most 2^18 samples an axis can be drawn");
+        field.bricks_[axis] = int32_t((size[axis] + 7) / 8);
+        bricks *= uint64_t(field.bricks_[axis]);
+    }
+    const uint64_t slab = uint64_t{size[0]} * size[1];
+    field.allow(bricks, bricks + slab / 64 + 1, memory_bytes);  // and the slices that are read at a time
+    field.numbers_.resize(bricks);
+    for (size_t i = 0; i < bricks; ++i) field.numbers_[i] = uint32_t(i);
+    field.values_.assign(bricks * kFieldBrickSamples, field.beyond_);
+    std::vector<float> slices;
+    for (uint32_t k = 0; k < size[2]; k += 8) {
+        const uint32_t count = std::min(8u, size[2] - k);
+        slices.resize(slab * count);
+        source.read(count, 0.0, slices);
+        const float* row = slices.data();
+        for (uint32_t z = 0; z < count; ++z)
+            for (uint32_t j = 0; j < size[1]; ++j, row += size[0]) {
+                const size_t first_brick = field.brick_index(0, int32_t(j / 8), int32_t(k / 8));
+                for (uint32_t i = 0; i < size[0]; i += 8)
+                    std::copy_n(row + i, std::min(8u, size[0] - i),
+                                field.values_.data() + (first_brick + i / 8) * kFieldBrickSamples + (z << 6 | (j & 7) << 3));
+            }
+    }
+    field.bounds_ = box_of_samples(field.placement_, Vec3d::Zero(), Vec3d(size[0] - 1.0, size[1] - 1.0, size[2] - 1.0));
+    field.find_ranges();
+    return field;
+}
+
+FieldBricks FieldBricks::of_bricks(FieldBrickSource& source, uint64_t memory_bytes) {
+    FieldBricks field;
+    field.placement_ = source.placement();
+    field.beyond_ = source.background();
+    std::vector<std::array<int32_t, 3>> corners;
+    std::array<int32_t, 3> least{}, greatest{};
+    FieldBrickLayer layer;
+    while (source.next_layer(layer)) {
+        for (const auto& [i, j] : layer.corners) {
+            const std::array<int32_t, 3> corner = {i, j, layer.k};
+            for (size_t axis = 0; axis < 3; ++axis) {
+                least[axis] = corners.empty() ? corner[axis] : std::min(least[axis], corner[axis]);
+                greatest[axis] = corners.empty() ? corner[axis] : std::max(greatest[axis], corner[axis]);
+            }
+            corners.push_back(corner);
+        }
+        field.allow(0, 3 * corners.size(), memory_bytes);  // while they grow: what they were, and twice that
+        field.values_.insert(field.values_.end(), layer.values.begin(), layer.values.end());
+    }
+    if (corners.empty()) return field;
+    // A brick more below: its last cells reach into the first brick.
+    uint64_t bricks = 1;
+    Vec3d first, last;
+    for (size_t axis = 0; axis < 3; ++axis) {
+        const int64_t count = (int64_t{greatest[axis]} - least[axis]) / 8 + 2;
+        if (count > 1 << 15) throw Error(ErrorKind::limit, "at most 2^18 samples an axis can be drawn");
+        field.bricks_[axis] = int32_t(count);
+        bricks *= uint64_t(count);
+        first[int(axis)] = double(least[axis]) - 8.0;
+        last[int(axis)] = double(greatest[axis]) + 7.0;
+    }
+    field.allow(bricks, corners.size(), memory_bytes);
+    field.bounds_ = box_of_samples(field.placement_, first + Vec3d::Constant(8.0), last);
+    field.placement_.origin = field.placement_.world_from_index(first);
+    field.numbers_.assign(bricks, kNone);
+    for (size_t number = 0; number < corners.size(); ++number) {
+        const std::array<int32_t, 3>& corner = corners[number];
+        field.numbers_[field.brick_index((corner[0] - least[0]) / 8 + 1, (corner[1] - least[1]) / 8 + 1, (corner[2] - least[2]) / 8 + 1)] =
+            uint32_t(number);
+    }
+    field.find_ranges();
+    return field;
+}
+
+}  // namespace strata
