@@ -13,6 +13,7 @@
 #include "render/pass/edl_kernel.h"
 #include "render/pass/fill_kernel.h"
 #include "render/pass/fill_pass.h"
+#include "render/pass/isosurface_pass.h"
 #include "render/pass/mesh_gl_pass.h"
 #include "render/pass/mesh_pass.h"
 #include "render/pass/points_kernel.h"
@@ -384,14 +385,21 @@ void Renderer::draw_meshes(Frame& frame, const Scene& scene, const Strip& strip,
     }
 }
 
+void Renderer::draw_isosurfaces(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out) {
+    const RenderSettings& settings = frame.settings;
+    const IsosurfaceView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads};
+    for (size_t i = 0; i < scene.isosurfaces.size(); ++i)
+        frame.report.isosurface_drawn |= draw_isosurface(scene.isosurfaces[i], uint32_t(1 + scene.voxels.size() + scene.meshes.size() + i), view, out);
+}
+
 RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, const RenderSettings& settings,
                                     const std::function<void(const RenderedRows&)>& on_rows) {
     if (settings.width == 0 || settings.height == 0 || settings.width > kLargestSide || settings.height > kLargestSide)
         throw Error(ErrorKind::usage, "a picture's sides are from 1 to " + std::to_string(kLargestSide) + " pixels");
     if (settings.samples < 1 || settings.samples > kMostSamples)
         throw Error(ErrorKind::usage, "1 to " + std::to_string(kMostSamples) + " samples are possible");
-    if (scene.voxels.size() + scene.meshes.size() >= kMostDrawables)
-        throw Error(ErrorKind::usage, "at most " + std::to_string(kMostDrawables - 1) + " voxel models and meshes are possible in one picture");
+    if (scene.voxels.size() + scene.meshes.size() + scene.isosurfaces.size() >= kMostDrawables)
+        throw Error(ErrorKind::usage, "at most " + std::to_string(kMostDrawables - 1) + " voxel models, meshes and isosurfaces are possible in one picture");
     check_camera(camera);
     RenderReport report;
     Stopwatch watch(report);
@@ -420,6 +428,8 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
         used_bytes += mesh_model_bytes(*model.mesh, model.style.shading).kept;
         most_vertices = std::max<uint64_t>(most_vertices, model.mesh->positions.size());
     }
+    for (size_t i = 0; i < scene.isosurfaces.size(); ++i)
+        if (i == 0 || scene.isosurfaces[i].field != scene.isosurfaces[i - 1].field) used_bytes += scene.isosurfaces[i].field->size_bytes();
     if (!scene.meshes.empty()) used_bytes += MeshPass::working_bytes(most_vertices, strip_pixels);
     ChosenPoints chosen;
     if (scene.cloud != nullptr) chosen = choose_points(frame, *scene.cloud, used_bytes);
@@ -455,7 +465,7 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
                     fill_holes(gbuffer, settings.fill, camera, settings.height, settings.threads);
                 watch.lap("fill");
             }
-            // Voxels and meshes have no gaps to fill, and must not close those of points.
+            // Voxels, meshes and isosurfaces have no gaps to fill, and must not close those of points.
             if (!scene.voxels.empty()) {
                 draw_voxels(frame, scene, strip, gbuffer);
                 watch.lap("voxels");
@@ -463,6 +473,10 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
             if (!scene.meshes.empty()) {
                 draw_meshes(frame, scene, strip, gbuffer);
                 watch.lap("meshes");
+            }
+            if (!scene.isosurfaces.empty()) {
+                draw_isosurfaces(frame, scene, strip, gbuffer);
+                watch.lap("isosurfaces");
             }
             if (ssao_reach > 0) {
                 if (gl_passes != nullptr)

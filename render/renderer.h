@@ -66,6 +66,7 @@ struct RenderReport {
     uint64_t nodes_drawn = 0;
     uint64_t nodes_missing = 0;  // that are still to come: the next frame of this view is better
     int voxel_depth = 0;         // of the finest cells drawn; 0: no voxels were
+    bool isosurface_drawn = false;  // whether the picture shows any
     uint64_t triangles_drawn = 0;  // of the meshes that the picture shows, all of them
     double error_px = 0.0;  // what the picture is off by: from selection, or how large cells look that are coarser than voxels
     BoundBy bound_by = BoundBy::error;
@@ -116,6 +117,7 @@ private:
     ChosenPoints choose_points(Frame& frame, LayeredCloud& cloud, uint64_t used_bytes);
     void draw_points(Frame& frame, const LayeredCloud& cloud, const ChosenPoints& chosen, const Strip& strip, GBuffer& out);
     void draw_voxels(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out);
+    void draw_isosurfaces(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out);
     void draw_meshes(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out);
 
     std::unique_ptr<Buffers> buffers_;

@@ -5,18 +5,20 @@
 
 #include "core/math/box.h"
 #include "core/octree/layered_cloud.h"
+#include "render/isosurface_model.h"
 #include "render/mesh_model.h"
 #include "render/voxel_model.h"
 
 namespace strata {
 
-/// The opaque things that a picture shows, by their numbers in pixel ids: the cloud is 0, voxels are 1 and on, in their order, and then come meshes.
+/// The opaque things that a picture shows, by their numbers in pixel ids: the cloud is 0, voxels are 1 and on, in their order, then come meshes and then isosurfaces.
 /// They fill one G-buffer; what is nearer wins, and of what is equally near the lower number. A scene owns neither cloud nor trees nor the triangles
-/// of meshes: see Renderer for how long they must live.
+/// of meshes nor fields: see Renderer for how long they must live.
 struct Scene {
     LayeredCloud* cloud = nullptr;  // none: no points
     std::vector<VoxelModel> voxels;
     std::vector<MeshModel> meshes;
+    std::vector<IsosurfaceModel> isosurfaces;
 
     Scene() = default;
     Scene(LayeredCloud& only) : cloud(&only) {}  // a cloud is a scene
@@ -26,6 +28,7 @@ struct Scene {
         Box3d box = cloud != nullptr ? cloud->info().bounds : Box3d();
         for (const VoxelModel& model : voxels) box.extend(model.bounds);
         for (const MeshModel& model : meshes) box.extend(model.bounds);
+        for (const IsosurfaceModel& model : isosurfaces) box.extend(model.bounds);
         return box;
     }
 };

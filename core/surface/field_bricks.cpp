@@ -19,7 +19,7 @@ Box3d box_of_samples(const GridPlacement& placement, const Vec3d& least, const V
 }  // namespace
 
 void FieldBricks::allow(uint64_t bricks, uint64_t stored, uint64_t memory_bytes) const {
-    const uint64_t needed = bricks * (sizeof(uint32_t) + sizeof(ValueRange)) + stored * kFieldBrickSamples * sizeof(float);
+    const uint64_t needed = bricks * (sizeof(uint32_t) + sizeof(FieldRange)) + stored * kFieldBrickSamples * sizeof(float);
     if (needed > memory_bytes)
         throw Error(ErrorKind::limit, "the field needs " + std::to_string(needed) + " bytes of memory, " + std::to_string(memory_bytes) +
                                           " are allowed; --memory gives more");
@@ -27,7 +27,7 @@ void FieldBricks::allow(uint64_t bricks, uint64_t stored, uint64_t memory_bytes)
 
 uint64_t FieldBricks::size_bytes() const {
     return numbers_.size() * sizeof(uint32_t) + values_.size() * sizeof(float) +
-           (ranges_.size() + wide_ranges_.size()) * sizeof(ValueRange);
+           (ranges_.size() + wide_ranges_.size()) * sizeof(FieldRange);
 }
 
 std::array<float, 8> FieldBricks::corners(const std::array<int32_t, 3>& cell) const {
@@ -52,14 +52,14 @@ void FieldBricks::find_ranges() {
             for (int32_t i = 0; i < bricks_[0]; ++i) {
                 const uint32_t number = numbers_[brick_index(i, j, k)];
                 // By which of i, j, k are the least of the brick: what the bricks below need of this one.
-                std::array<ValueRange, 8> parts;
+                std::array<FieldRange, 8> parts;
                 if (number == kNone) {
-                    for (ValueRange& part : parts) part.add(beyond_);
+                    for (FieldRange& part : parts) part.add(beyond_);
                 } else {
                     const float* at = values_.data() + size_t{number} * kFieldBrickSamples;
                     for (int z = 0; z < 8; ++z)
                         for (int y = 0; y < 8; ++y, at += 8) {
-                            ValueRange row;
+                            FieldRange row;
                             for (int x = 0; x < 8; ++x) row.add(at[x]);
                             for (size_t bits = 0; bits < 8; bits += 2) {
                                 if ((bits & 2 && y > 0) || (bits & 4 && z > 0)) continue;
@@ -79,7 +79,7 @@ void FieldBricks::find_ranges() {
     for (int32_t k = 0; k < bricks_[2]; ++k)
         for (int32_t j = 0; j < bricks_[1]; ++j)
             for (int32_t i = 0; i < bricks_[0]; ++i) {
-                ValueRange& range = ranges_[brick_index(i, j, k)];
+                FieldRange& range = ranges_[brick_index(i, j, k)];
                 if (i + 1 == bricks_[0] || j + 1 == bricks_[1] || k + 1 == bricks_[2]) range.add(beyond_);
                 wide_ranges_[(size_t(k / 8) * size_t(wide(1)) + size_t(j / 8)) * size_t(wide(0)) + size_t(i / 8)].add(range);
                 range_.add(range);

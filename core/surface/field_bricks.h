@@ -11,14 +11,14 @@
 namespace strata {
 
 /// The least and the greatest of some values; of none: least > greatest.
-struct ValueRange {
+struct FieldRange {
     float least = std::numeric_limits<float>::infinity(), greatest = -std::numeric_limits<float>::infinity();
 
     void add(float value) {  // NaN adds nothing
         if (value < least) least = value;
         if (value > greatest) greatest = value;
     }
-    void add(const ValueRange& other) {
+    void add(const FieldRange& other) {
         add(other.least);
         add(other.greatest);
     }
@@ -41,7 +41,7 @@ public:
     std::array<int32_t, 3> cells() const { return {8 * bricks_[0], 8 * bricks_[1], 8 * bricks_[2]}; }
     /// Of all samples; world. Of a sparse field those of its bricks.
     const Box3d& bounds() const { return bounds_; }
-    const ValueRange& range() const { return range_; }
+    const FieldRange& range() const { return range_; }
     uint64_t size_bytes() const;
 
     /// A sample; NaN beyond a dense field, the background's value beyond a sparse one.
@@ -56,9 +56,9 @@ public:
     std::array<float, 8> corners(const std::array<int32_t, 3>& cell) const;
 
     /// Values of the samples of the cells in a brick.
-    const ValueRange& range_of(int32_t bi, int32_t bj, int32_t bk) const { return ranges_[brick_index(bi, bj, bk)]; }
+    const FieldRange& range_of(int32_t bi, int32_t bj, int32_t bk) const { return ranges_[brick_index(bi, bj, bk)]; }
     /// Likewise of 8^3 bricks.
-    const ValueRange& wide_range_of(int32_t wi, int32_t wj, int32_t wk) const {
+    const FieldRange& wide_range_of(int32_t wi, int32_t wj, int32_t wk) const {
         return wide_ranges_[(size_t(wk) * size_t(wide(1)) + size_t(wj)) * size_t(wide(0)) + size_t(wi)];
     }
 
@@ -76,8 +76,8 @@ private:
     std::array<int32_t, 3> bricks_ = {0, 0, 0};
     std::vector<uint32_t> numbers_;  // [bricks] of the stored brick there
     std::vector<float> values_;      // [stored bricks * 512] i fastest, then j
-    std::vector<ValueRange> ranges_, wide_ranges_;
-    ValueRange range_;
+    std::vector<FieldRange> ranges_, wide_ranges_;
+    FieldRange range_;
     float beyond_ = std::numeric_limits<float>::quiet_NaN();
     Box3d bounds_;
 };

@@ -68,7 +68,7 @@ private:
 
     // Of all values of a range; unknown: they are on both. Samples that are NaN are in none: a cell beside one has no surface, and tells
     // the next one nothing.
-    Side side_of(const ValueRange& range) const {
+    Side side_of(const FieldRange& range) const {
         const double low = sign_ > 0.0 ? range.least : -range.greatest, high = sign_ > 0.0 ? range.greatest : -range.least;
         return low >= threshold_ ? Side::inside : high < threshold_ ? Side::outside : Side::unknown;
     }
@@ -90,6 +90,25 @@ private:
 };
 
 }  // namespace
+
+Box3d surface_bounds(const FieldBricks& field, const IsoLevel& level) {
+    Box3d box;
+    const auto [ni, nj, nk] = field.bricks();
+    for (int32_t k = 0; k < nk; ++k)
+        for (int32_t j = 0; j < nj; ++j)
+            for (int32_t i = 0; i < ni; ++i) {
+                const FieldRange& range = field.range_of(i, j, k);
+                const bool crossed = level.inside == ContourInside::above
+                                         ? range.least < level.isovalue && range.greatest >= level.isovalue
+                                         : range.least <= level.isovalue && range.greatest > level.isovalue;
+                if (!crossed) continue;
+                for (int corner = 0; corner < 8; ++corner)
+                    box.extend(field.placement().world_from_index(8.0 * Vec3d(i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2))));
+            }
+    if (box.empty()) return box;
+    // The last bricks may reach beyond the samples.
+    return {.min = box.min.cwiseMax(field.bounds().min), .max = box.max.cwiseMin(field.bounds().max)};
+}
 
 std::optional<FieldHit> cast_ray(const FieldBricks& field, const IsoLevel& level, const FieldRay& ray, double least_t, double most_t) {
     if (field.empty()) return std::nullopt;

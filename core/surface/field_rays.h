@@ -16,6 +16,9 @@ struct IsoLevel {
     ContourInside inside = ContourInside::above;
 };
 
+/// Of the bricks that an isosurface may pass through; world. Empty: it passes through none.
+Box3d surface_bounds(const FieldBricks& field, const IsoLevel& level);
+
 /// Points origin + t * direction, t >= 0, in samples of a FieldBricks.
 struct FieldRay {
     Vec3d origin = Vec3d::Zero();

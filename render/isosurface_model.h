@@ -1,0 +1,55 @@
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "core/surface/field_rays.h"
+#include "render/image.h"
+#include "render/point_color.h"
+
+namespace strata {
+
+/// Colors of isosurfaces, before light. Safe from several threads.
+class IsosurfaceColors {
+public:
+    enum class Rule {
+        plain,      // one color for all
+        elevation,  // z, through a color map
+        normal,     // a direction, as points have it
+    };
+
+    /// name      elevation, normal or plain; empty: plain
+    /// number    of the surface in a scene: the first is plain as voxels and meshes are, others differ
+    /// range     of elevation; none: from the field's bounds
+    /// colormap  empty: the channel's own
+    /// throws    Error{usage}: there is no such channel
+    IsosurfaceColors(const FieldBricks& field, std::string_view name, size_t number, std::optional<ColorRange> range,
+                     std::string_view colormap);
+
+    Rule rule() const { return rule_; }
+    const std::string& name() const { return name_; }
+    /// z  of the place, world
+    Rgba8 color(double z, const Vec3f& normal) const;
+
+private:
+    std::string name_;
+    Rule rule_ = Rule::plain;
+    ColorRange range_;
+    std::array<Rgba8, 1024> table_;
+};
+
+/// An isosurface as a scene has it, drawn from the field itself: another isovalue costs nothing. The field must outlive it.
+struct IsosurfaceModel {
+    IsosurfaceModel(const FieldBricks& drawn, const IsoLevel& shown, IsosurfaceColors painted)
+        : field(&drawn), level(shown), bounds(surface_bounds(drawn, shown)), colors(std::move(painted)) {}
+
+    const FieldBricks* field;
+    IsoLevel level;
+    Box3d bounds;  // of the bricks that it passes through; world
+    IsosurfaceColors colors;
+};
+
+}  // namespace strata
