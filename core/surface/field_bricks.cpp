@@ -1,6 +1,7 @@
 #include "core/surface/field_bricks.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "core/error.h"
@@ -19,14 +20,14 @@ Box3d box_of_samples(const GridPlacement& placement, const Vec3d& least, const V
 }  // namespace
 
 void FieldBricks::allow(uint64_t bricks, uint64_t stored, uint64_t memory_bytes) const {
-    const uint64_t needed = bricks * (sizeof(uint32_t) + sizeof(FieldRange)) + stored * kFieldBrickSamples * sizeof(float);
+    const uint64_t needed = bricks * (sizeof(uint32_t) + sizeof(float) + sizeof(FieldRange)) + stored * kFieldBrickSamples * sizeof(float);
     if (needed > memory_bytes)
         throw Error(ErrorKind::limit, "the field needs " + std::to_string(needed) + " bytes of memory, " + std::to_string(memory_bytes) +
                                           " are allowed; --memory gives more");
 }
 
 uint64_t FieldBricks::size_bytes() const {
-    return numbers_.size() * sizeof(uint32_t) + values_.size() * sizeof(float) +
+    return numbers_.size() * sizeof(uint32_t) + (values_.size() + absent_.size()) * sizeof(float) +
            (ranges_.size() + wide_ranges_.size()) * sizeof(FieldRange);
 }
 
@@ -54,7 +55,7 @@ void FieldBricks::find_ranges() {
                 // By which of i, j, k are the least of the brick: what the bricks below need of this one.
                 std::array<FieldRange, 8> parts;
                 if (number == kNone) {
-                    for (FieldRange& part : parts) part.add(beyond_);
+                    for (FieldRange& part : parts) part.add(absent_[brick_index(i, j, k)]);
                 } else {
                     const float* at = values_.data() + size_t{number} * kFieldBrickSamples;
                     for (int z = 0; z < 8; ++z)
@@ -74,13 +75,11 @@ void FieldBricks::find_ranges() {
                         ranges_[brick_index(below[0], below[1], below[2])].add(parts[size_t(bits)]);
                 }
             }
-    // Beyond the last bricks there may be a background.
     wide_ranges_.assign(size_t(wide(0)) * size_t(wide(1)) * size_t(wide(2)), {});
     for (int32_t k = 0; k < bricks_[2]; ++k)
         for (int32_t j = 0; j < bricks_[1]; ++j)
             for (int32_t i = 0; i < bricks_[0]; ++i) {
-                FieldRange& range = ranges_[brick_index(i, j, k)];
-                if (i + 1 == bricks_[0] || j + 1 == bricks_[1] || k + 1 == bricks_[2]) range.add(beyond_);
+                const FieldRange& range = ranges_[brick_index(i, j, k)];
                 wide_ranges_[(size_t(k / 8) * size_t(wide(1)) + size_t(j / 8)) * size_t(wide(0)) + size_t(i / 8)].add(range);
                 range_.add(range);
             }
@@ -101,7 +100,7 @@ FieldBricks FieldBricks::of_slices(SliceSource& source, uint64_t memory_bytes) {
     field.allow(bricks, bricks + slab / 64 + 1, memory_bytes);  // and the slices that are read at a time
     field.numbers_.resize(bricks);
     for (size_t i = 0; i < bricks; ++i) field.numbers_[i] = uint32_t(i);
-    field.values_.assign(bricks * kFieldBrickSamples, field.beyond_);
+    field.values_.assign(bricks * kFieldBrickSamples, std::numeric_limits<float>::quiet_NaN());
     std::vector<float> slices;
     for (uint32_t k = 0; k < size[2]; k += 8) {
         const uint32_t count = std::min(8u, size[2] - k);
@@ -124,7 +123,6 @@ FieldBricks FieldBricks::of_slices(SliceSource& source, uint64_t memory_bytes) {
 FieldBricks FieldBricks::of_bricks(FieldBrickSource& source, uint64_t memory_bytes) {
     FieldBricks field;
     field.placement_ = source.placement();
-    field.beyond_ = source.background();
     std::vector<std::array<int32_t, 3>> corners;
     std::array<int32_t, 3> least{}, greatest{};
     FieldBrickLayer layer;
@@ -141,11 +139,11 @@ FieldBricks FieldBricks::of_bricks(FieldBrickSource& source, uint64_t memory_byt
         field.values_.insert(field.values_.end(), layer.values.begin(), layer.values.end());
     }
     if (corners.empty()) return field;
-    // A brick more below: its last cells reach into the first brick.
+    // A brick more on each side: cells between a brick and what is constant beside it.
     uint64_t bricks = 1;
     Vec3d first, last;
     for (size_t axis = 0; axis < 3; ++axis) {
-        const int64_t count = (int64_t{greatest[axis]} - least[axis]) / 8 + 2;
+        const int64_t count = (int64_t{greatest[axis]} - least[axis]) / 8 + 3;
         if (count > 1 << 15) throw Error(ErrorKind::limit, "at most 2^18 samples an axis can be drawn");
         field.bricks_[axis] = int32_t(count);
         bricks *= uint64_t(count);
@@ -156,11 +154,16 @@ FieldBricks FieldBricks::of_bricks(FieldBrickSource& source, uint64_t memory_byt
     field.bounds_ = box_of_samples(field.placement_, first + Vec3d::Constant(8.0), last);
     field.placement_.origin = field.placement_.world_from_index(first);
     field.numbers_.assign(bricks, kNone);
-    for (size_t number = 0; number < corners.size(); ++number) {
-        const std::array<int32_t, 3>& corner = corners[number];
-        field.numbers_[field.brick_index((corner[0] - least[0]) / 8 + 1, (corner[1] - least[1]) / 8 + 1, (corner[2] - least[2]) / 8 + 1)] =
-            uint32_t(number);
-    }
+    field.absent_.assign(bricks, std::numeric_limits<float>::quiet_NaN());
+    const auto place = [&](size_t number, size_t axis) { return (corners[number][axis] - least[axis]) / 8 + 1; };
+    for (size_t number = 0; number < corners.size(); ++number) field.numbers_[field.brick_index(place(number, 0), place(number, 1), place(number, 2))] = uint32_t(number);
+    for (size_t number = 0; number < corners.size(); ++number)
+        for (int32_t n = 0; n < 27; ++n) {
+            const std::array<int32_t, 3> away = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
+            const size_t index = field.brick_index(place(number, 0) + away[0], place(number, 1) + away[1], place(number, 2) + away[2]);
+            if (field.numbers_[index] != kNone || !std::isnan(field.absent_[index])) continue;
+            field.absent_[index] = source.absent_value({corners[number][0] + 8 * away[0], corners[number][1] + 8 * away[1], corners[number][2] + 8 * away[2]});
+        }
     field.find_ranges();
     return field;
 }

@@ -19,8 +19,8 @@ struct FieldRange {
         if (value > greatest) greatest = value;
     }
     void add(const FieldRange& other) {
-        add(other.least);
-        add(other.greatest);
+        if (other.least < least) least = other.least;
+        if (other.greatest > greatest) greatest = other.greatest;
     }
 };
 
@@ -31,7 +31,7 @@ public:
     /// throws  Error{limit}: more memory than allowed is needed; what the source throws
     /// cost    4 bytes a sample and 12 a brick
     static FieldBricks of_slices(SliceSource& source, uint64_t memory_bytes);
-    /// Where no brick is, the field has the background's value. Empty where there are no bricks.
+    /// Empty where there are no bricks.
     static FieldBricks of_bricks(FieldBrickSource& source, uint64_t memory_bytes);
 
     bool empty() const { return values_.empty(); }
@@ -44,13 +44,13 @@ public:
     const FieldRange& range() const { return range_; }
     uint64_t size_bytes() const;
 
-    /// A sample; NaN beyond a dense field, the background's value beyond a sparse one.
+    /// A sample; NaN beyond the field, and in a sparse one away from its bricks, where no surface can be.
     float sample(int32_t i, int32_t j, int32_t k) const {
-        if ((uint32_t(i) >> 3) >= uint32_t(bricks_[0]) || (uint32_t(j) >> 3) >= uint32_t(bricks_[1]) ||
-            (uint32_t(k) >> 3) >= uint32_t(bricks_[2]))
-            return beyond_;
-        const uint32_t number = numbers_[brick_index(i >> 3, j >> 3, k >> 3)];
-        return number == kNone ? beyond_ : values_[size_t{number} * kFieldBrickSamples + size_t((k & 7) << 6 | (j & 7) << 3 | (i & 7))];
+        if ((uint32_t(i) >> 3) >= uint32_t(bricks_[0]) || (uint32_t(j) >> 3) >= uint32_t(bricks_[1]) || (uint32_t(k) >> 3) >= uint32_t(bricks_[2]))
+            return std::numeric_limits<float>::quiet_NaN();
+        const size_t index = brick_index(i >> 3, j >> 3, k >> 3);
+        const uint32_t number = numbers_[index];
+        return number == kNone ? absent_[index] : values_[size_t{number} * kFieldBrickSamples + size_t((k & 7) << 6 | (j & 7) << 3 | (i & 7))];
     }
     /// The corners of a cell, i fastest, then j.
     std::array<float, 8> corners(const std::array<int32_t, 3>& cell) const;
@@ -76,9 +76,9 @@ private:
     std::array<int32_t, 3> bricks_ = {0, 0, 0};
     std::vector<uint32_t> numbers_;  // [bricks] of the stored brick there
     std::vector<float> values_;      // [stored bricks * 512] i fastest, then j
+    std::vector<float> absent_;      // [bricks] of a sparse field: the value of those that are not stored
     std::vector<FieldRange> ranges_, wide_ranges_;
     FieldRange range_;
-    float beyond_ = std::numeric_limits<float>::quiet_NaN();
     Box3d bounds_;
 };
 

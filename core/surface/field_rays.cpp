@@ -30,9 +30,9 @@ public:
         const std::array<int32_t, 3>& bricks = field_.bricks();
         if (i >= 8 * bricks[0] || j >= 8 * bricks[1] || k >= 8 * bricks[2]) return pass(3, Side::unknown, t / walk.t_scale, path, hit);
         const Side wide = side_of(field_.wide_range_of(i >> 6, j >> 6, k >> 6));
-        if (wide != Side::unknown) return pass(6, wide, t / walk.t_scale, path, hit);
+        if (wide != Side::both) return pass(6, wide, t / walk.t_scale, path, hit);
         const Side brick = side_of(field_.range_of(i >> 3, j >> 3, k >> 3));
-        if (brick != Side::unknown) return pass(3, brick, t / walk.t_scale, path, hit);
+        if (brick != Side::both) return pass(3, brick, t / walk.t_scale, path, hit);
         const std::array<float, 8> corners = field_.corners(path.voxel);
         unsigned inside = 0;
         bool missing = false;
@@ -64,13 +64,13 @@ public:
     }
 
 private:
-    enum class Side { unknown, outside, inside };
+    enum class Side { unknown, outside, inside, both };
 
-    // Of all values of a range; unknown: they are on both. Samples that are NaN are in none: a cell beside one has no surface, and tells
-    // the next one nothing.
+    // Where all values of a range are. Samples that are NaN are in none: a cell beside one has no surface, and tells the next one nothing.
     Side side_of(const FieldRange& range) const {
+        if (range.least > range.greatest) return Side::unknown;
         const double low = sign_ > 0.0 ? range.least : -range.greatest, high = sign_ > 0.0 ? range.greatest : -range.least;
-        return low >= threshold_ ? Side::inside : high < threshold_ ? Side::outside : Side::unknown;
+        return low >= threshold_ ? Side::inside : high < threshold_ ? Side::outside : Side::both;
     }
     // Through cells on one side; where the ray came from the other, the surface lies on the face between.
     int pass(int shift, Side side, double t, const NodePath& path, FieldHit& hit) {

@@ -52,6 +52,11 @@ public:
 
     const GridPlacement& placement() const override { return placement_; }
     float background() const override { return background_; }
+    float absent_value(const std::array<int32_t, 3>& corner) const override {
+        return absent_ ? float(absent_(corner[0], corner[1], corner[2])) : background_;
+    }
+    /// What bricks that are not given hold; the background if not set.
+    void set_absent(Value absent) { absent_ = std::move(absent); }
     bool next_layer(FieldBrickLayer& out) override {
         for (; next_ < last_[2]; ++next_) {
             out = {.k = 8 * next_};
@@ -73,7 +78,7 @@ public:
 private:
     std::array<int32_t, 3> first_, last_;
     float background_;
-    Value value_, wanted_;
+    Value value_, wanted_, absent_;
     GridPlacement placement_;
     int32_t next_;
 };

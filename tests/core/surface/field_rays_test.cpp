@@ -161,7 +161,7 @@ TEST(FieldRays, AgreeWithSmallSteps) {
             if (!std::isnan(found)) EXPECT_NEAR(found, 0.0, 1e-6) << round << ' ' << n;  // NaN: on a face that is the grid's last
         }
     }
-    EXPECT_GT(hits, 1500u);
+    EXPECT_GT(hits, 1000u);
 }
 
 // A plane through samples, seen along diagonals through edges and corners of cells: no ray slips through.
@@ -191,6 +191,7 @@ TEST(FieldRays, SparseFieldsAreDenseOnes) {
     };
     const std::array<int32_t, 3> first = {-4, -2, 0}, last = {4, 5, 8};
     FunctionBricks sparse_source(first, last, 3.0f, distance, near);
+    sparse_source.set_absent(distance);
     const FieldBricks sparse = FieldBricks::of_bricks(sparse_source, kAmple);
     GridPlacement placement;
     placement.origin = Vec3d(-32, -16, 0);
@@ -220,6 +221,7 @@ TEST(FieldRays, TheBackgroundBoundsBricks) {
         {0, 0, 0}, {1, 1, 1}, 0.0f, [](int, int, int) { return 1.0; }, [](int, int, int) { return 1.0; });
     const FieldBricks field = FieldBricks::of_bricks(source, kAmple);
     const Vec3d shift = -field.placement().origin;
+    EXPECT_TRUE(std::isnan(field.sample(-1, 3, 3)));
     for (int axis = 0; axis < 3; ++axis)
         for (const double sign : {-1.0, 1.0}) {
             const FieldRay ray = {Vec3d(3.5, 3.5, 3.5) + shift - 20 * sign * Vec3d::Unit(axis), sign * Vec3d::Unit(axis)};
