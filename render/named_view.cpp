@@ -14,6 +14,7 @@ constexpr size_t kSamplePoints = 50'000;
 constexpr size_t kSampleNodes = 4096;
 constexpr size_t kSampleCells = 20'000;
 constexpr size_t kSampleTriangles = 50'000;  // of a mesh, beside its outermost corners
+constexpr size_t kSampleBricks = 20'000;
 constexpr double kViewMargin = 0.03;  // of the picture, at each side
 constexpr double kStrayShare = 1e-3;  // of the points may be strays at each end of an axis
 
@@ -96,6 +97,19 @@ void add_sample(const TriangleMesh& mesh, std::vector<Vec3d>& points) {
     for (const size_t vertex : outermost) points.push_back(mesh.positions[vertex]);
 }
 
+// Corners of the cells that an isosurface passes through, brick by brick.
+void add_sample(const IsosurfaceModel& model, std::vector<Vec3d>& points) {
+    const FieldBricks& field = *model.field;
+    const std::vector<std::array<int32_t, 3>> bricks = crossed_bricks(field, model.level);
+    const size_t step = bricks.size() / kSampleBricks + 1;
+    for (size_t n = 0; n < bricks.size(); n += step) {
+        const Box3d cells = crossed_cells(field, model.level, bricks[n]);
+        if (cells.empty()) continue;
+        for (int corner = 0; corner < 8; ++corner)
+            points.push_back(field.placement().world_from_index({(corner & 1 ? cells.max : cells.min).x(), (corner & 2 ? cells.max : cells.min).y(), (corner & 4 ? cells.max : cells.min).z()}));
+    }
+}
+
 }  // namespace
 
 std::vector<Vec3d> sample_positions(const Scene& scene) {
@@ -112,6 +126,7 @@ std::vector<Vec3d> sample_positions(const Scene& scene) {
         }
     }
     for (const MeshModel& model : scene.meshes) add_sample(*model.mesh, points);
+    for (const IsosurfaceModel& model : scene.isosurfaces) add_sample(model, points);
     return points;
 }
 

@@ -387,7 +387,7 @@ void Renderer::draw_meshes(Frame& frame, const Scene& scene, const Strip& strip,
 
 void Renderer::draw_isosurfaces(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out) {
     const RenderSettings& settings = frame.settings;
-    const IsosurfaceView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads};
+    const IsosurfaceView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads, settings.up};
     for (size_t i = 0; i < scene.isosurfaces.size(); ++i)
         frame.report.isosurface_drawn |= draw_isosurface(scene.isosurfaces[i], uint32_t(1 + scene.voxels.size() + scene.meshes.size() + i), view, out);
 }

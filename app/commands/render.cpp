@@ -127,6 +127,9 @@ std::string what_was_drawn(const SceneFiles& files, const RenderReport& report) 
         text += std::string(text.empty() ? "" : "and ") + "voxels down to depth " + std::to_string(report.voxel_depth) + " of " + std::to_string(finest) + " ";
     }
     if (!files.meshes.empty()) text += std::string(text.empty() ? "" : "and ") + with_commas(report.triangles_drawn) + " triangles ";
+    size_t surfaces = 0;
+    for (const OpenedField& field : files.fields) surfaces += field.levels.size();
+    if (surfaces > 0) text += std::string(text.empty() ? "" : "and ") + std::to_string(surfaces) + (surfaces == 1 ? " isosurface " : " isosurfaces ");
     return text;
 }
 
@@ -169,9 +172,9 @@ int run(const Options& options) {
     if (report.failures.count > 0)
         throw Error(ErrorKind::malformed, std::to_string(report.failures.count) + " nodes cannot be read, so there is no picture; first: " +
                                               report.failures.first);
-    const bool empty = files.meshes.empty() && (!files.cloud || files.cloud->info().points == 0) &&
+    const bool empty = files.meshes.empty() && files.fields.empty() && (!files.cloud || files.cloud->info().points == 0) &&
                        std::all_of(files.voxels.begin(), files.voxels.end(), [](const OpenedVoxels& model) { return model.tree->empty(); });
-    if (report.points_drawn == 0 && report.voxel_depth == 0 && report.triangles_drawn == 0 && !empty && !request.quiet)
+    if (report.points_drawn == 0 && report.voxel_depth == 0 && report.triangles_drawn == 0 && !report.isosurface_drawn && !empty && !request.quiet)
         std::fprintf(stderr, "note: %s: nothing is in sight: the view, --clip or --filter leave nothing\n", request.output.c_str());
     write_place(place_path, place, request.overwrite);
     if (depth) depth->finish();

@@ -31,11 +31,12 @@ constexpr OptionRow kRows[] = {
     {"--camera", "", "FILE.json", "", "the camera of a file, {\"eye\": [x,y,z], \"target\": ..., \"up\": ..., \"fov\": degrees} or with ortho_height; --stats prints one"},
     {"--ortho", "", "", "", "parallel projection: equal lengths look equal at any distance"},
     {"--meters-per-pixel", "", "UNITS", "", "CRS units a pixel, for --ortho; sets the size too unless --size is given"},
-    {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, normal, density, or an attribute; default: rgb, else elevation. Of voxels rgb, elevation, count, normal, lod or plain, of meshes rgb, elevation, normal or plain; default: rgb, else plain"},
+    {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, normal, density, or an attribute; default: rgb, else elevation. Of voxels rgb, elevation, count, normal, lod or plain, of meshes rgb, elevation, normal or plain; default: rgb, else plain. Of isosurfaces elevation, normal or plain"},
     {"--colormap", "", "NAME", "", "color map for quantities"},
     {"--range", "", "LOW,HIGH", "", "values that the color map reaches over; default: 2nd to 98th percentile"},
     {"--preview", "", "", "", "of LAS and LAZ files, the first of each run of points only, 2 million at most: a first look at any size"},
     {"--voxels", "", "flat|smooth", "flat", "how voxels are drawn: as cubes, or lit and with the depth of the surface that they stand for"},
+    {"--iso", "", "V,...", "", "draw the surfaces where the values of volumes, or of .vdb grids, are V; without a mesh, exactly in the interpolated values"},
     {"--mesh", "", "flat|smooth", "smooth", "how meshes are lit: each triangle as the plane that it is, or by normals that change evenly except at creases of more than 45 degrees"},
     {"--wireframe", "", "", "", "draw the edges of the triangles of meshes, where those look larger than a few pixels"},
     {"--backfaces", "", "", "", "give triangles of meshes that are seen from behind a color of their own: shows which way they turn"},
@@ -317,7 +318,7 @@ void choose_colors(const Options& options, const SceneFiles& files, RenderReques
             settings.color = find_color_channel(files.cloud->info(), sensible_color(*files.cloud));
         }
         // Of one scene, equal heights have one color.
-        if (settings.color.rule == ColorChannel::Rule::elevation && !settings.range && !(files.voxels.empty() && files.meshes.empty()))
+        if (settings.color.rule == ColorChannel::Rule::elevation && !settings.range && !(files.voxels.empty() && files.meshes.empty() && files.fields.empty()))
             settings.range = derive_range(*files.cloud, settings.color);
     }
     const VoxelShading shading = parse_voxels(options);
@@ -343,8 +344,21 @@ void choose_colors(const Options& options, const SceneFiles& files, RenderReques
         }
         request.scene.meshes.emplace_back(*model.mesh, std::move(*colors), parse_mesh(options), settings.threads);
     }
+    for (const OpenedField& field : files.fields)
+        for (const IsoLevel& level : field.levels) {
+            const size_t number = request.scene.isosurfaces.size();
+            std::optional<IsosurfaceColors> colors;
+            try {
+                colors.emplace(*field.field, name, number, settings.range, settings.colormap);
+                taken = true;
+            } catch (const Error& error) {
+                if (!refused) refused = error;
+                colors.emplace(*field.field, "", number, settings.range, settings.colormap);
+            }
+            request.scene.isosurfaces.emplace_back(*field.field, level, std::move(*colors));
+        }
     if (!taken && refused) throw *refused;
-    request.color_name = files.cloud ? settings.color.name : !request.scene.voxels.empty() ? request.scene.voxels[0].colors.name() : request.scene.meshes[0].colors.name();
+    request.color_name = files.cloud ? settings.color.name : !request.scene.voxels.empty() ? request.scene.voxels[0].colors.name() : !request.scene.meshes.empty() ? request.scene.meshes[0].colors.name() : request.scene.isosurfaces[0].colors.name();
 }
 
 // The picture is a PNG whatever it is called; a name that says otherwise misleads whoever opens it.

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <span>
 
+#include "app/commands/isovalues.h"
 #include "app/quantity_text.h"
 #include "core/cloud/preview_source.h"
 #include "core/error.h"
@@ -13,7 +14,9 @@
 #include "io/format.h"
 #include "io/mesh/mesh_reader.h"
 #include "io/svo/svo_file.h"
+#include "io/vdb/vdb_field.h"
 #include "io/vdb/vdb_voxels.h"
+#include "io/volume/volume_source.h"
 #include "render/mesh_model.h"
 #include "render/pass/mesh_pass.h"
 #include "render/voxel_model.h"
@@ -92,6 +95,36 @@ OpenedMesh open_mesh(const Options& options, const std::string& path, uint64_t m
     return opened;
 }
 
+OpenedField open_field(const Options& options, const std::string& path, uint64_t memory_bytes) {
+    const std::vector<double> isovalues = options.given("--iso") ? parse_list("--iso", options.text("--iso")) : std::vector<double>();
+    OpenedField opened = {path, nullptr, {}};
+    ContourInside inside = ContourInside::above;
+    try {
+        if (identify_format(path).kind == FormatKind::grids) {
+            const std::unique_ptr<VdbField> grid = open_vdb_field(path, {.grid = {}, .memory_bytes = memory_bytes / 2});
+            if (grid->grid().grid_class == "level set") inside = ContourInside::below;
+            opened.field = std::make_unique<FieldBricks>(FieldBricks::of_bricks(*grid, memory_bytes / 2, thread_count(options)));
+        } else {
+            const std::unique_ptr<VolumeSource> volume = open_volume(path);
+            if (isovalues.empty()) {
+                const VolumeRange range = volume->measure();
+                throw isovalue_expected(path, range.values > 0 ? range.min : 1.0, range.values > 0 ? range.max : 0.0);
+            }
+            opened.field = std::make_unique<FieldBricks>(FieldBricks::of_slices(*volume, memory_bytes, thread_count(options)));
+        }
+    } catch (const Error& error) {
+        if (error.kind != ErrorKind::limit) throw;
+        throw error.within(path);
+    }
+    for (const double isovalue : isovalues) {
+        opened.levels.push_back({isovalue, inside});
+        if (!options.given("--quiet") && crossed_bricks(*opened.field, opened.levels.back()).empty())
+            std::fprintf(stderr, "note: %s: no surface at isovalue %s; values are from %s\n", path.c_str(), value_text(isovalue).c_str(),
+                         values_text(opened.field->range().least, opened.field->range().greatest).c_str());
+    }
+    return opened;
+}
+
 }  // namespace
 
 std::string SceneFiles::crs() const {
@@ -102,16 +135,22 @@ std::string SceneFiles::crs() const {
 }
 
 SceneFiles open_scene_files(const Options& options) {
-    std::vector<std::string> points, voxels, meshes;
+    std::vector<std::string> points, voxels, meshes, volumes;
     for (const std::string& word : options.positional) {
         const FormatKind kind = std::filesystem::is_directory(word) ? FormatKind::points : identify_format(word).kind;
-        (kind == FormatKind::mesh ? meshes : kind == FormatKind::voxels || kind == FormatKind::grids ? voxels : points).push_back(word);
+        const bool field = kind == FormatKind::volume || (kind == FormatKind::grids && options.given("--iso"));
+        (field ? volumes : kind == FormatKind::mesh ? meshes : kind == FormatKind::voxels || kind == FormatKind::grids ? voxels : points).push_back(word);
     }
+    if (options.given("--iso") && volumes.empty()) throw Error(ErrorKind::usage, "--iso is for volumes and grids, and there are none");
     SceneFiles files;
     uint64_t left = memory_cap(options);
     for (const std::string& path : meshes) {
         files.meshes.push_back(open_mesh(options, path, left));
         left -= std::min(left, mesh_model_bytes(*files.meshes.back().mesh, mesh_shading(options)).kept);
+    }
+    for (const std::string& path : volumes) {
+        files.fields.push_back(open_field(options, path, left));
+        left -= std::min(left, files.fields.back().field->size_bytes());
     }
     for (const std::string& path : voxels) files.voxels.push_back(open_voxels(options, path, left / kVoxelShare / voxels.size()));
     for (const OpenedVoxels& model : files.voxels) left -= std::min(left, size_bytes(*model.tree));

@@ -9,6 +9,7 @@
 #include "app/commands/commands.h"
 #include "app/commands/info_json.h"
 #include "app/commands/spared_inputs.h"
+#include "app/commands/isovalues.h"
 #include "app/commands/surface_input.h"
 #include "app/peak_memory.h"
 #include "app/printable_text.h"
@@ -47,17 +48,6 @@ constexpr OptionRow kRows[] = {
     shared_option::kJson,
     shared_option::kQuiet,
 };
-
-// "1,2.5"
-std::vector<double> parse_list(std::string_view flag, const std::string& text) {
-    std::vector<double> values;
-    for (size_t begin = 0; begin <= text.size();) {
-        const size_t end = std::min(text.find(',', begin), text.size());
-        values.push_back(parse_number(flag, text.substr(begin, end - begin)));
-        begin = end + 1;
-    }
-    return values;
-}
 
 // "256x256x128"
 std::array<uint32_t, 3> parse_dimensions(const std::string& text) {

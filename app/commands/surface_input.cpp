@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "app/commands/isovalues.h"
 #include "app/commands/voxel_input.h"
 #include "core/error.h"
 #include "core/surface/coverage_field.h"
@@ -22,13 +23,6 @@ namespace strata {
 namespace {
 
 using nlohmann::ordered_json;
-
-std::string number_text(double value) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.9g", value);
-    return text;
-}
-std::string range_text(double least, double greatest) { return number_text(least) + " to " + number_text(greatest); }
 
 // Surfaces of several isovalues are told apart by these, over and over.
 constexpr std::array<std::array<uint8_t, 4>, 6> kIsoColors = {{{230, 200, 170, 255}, {120, 170, 220, 255}, {150, 200, 120, 255}, {220, 130, 110, 255}, {190, 150, 210, 255}, {210, 210, 110, 255}}};
@@ -82,8 +76,8 @@ protected:
             return;
         }
         std::string isovalues;
-        for (const double isovalue : settings_.isovalues) isovalues += (isovalues.empty() ? "" : ", ") + number_text(isovalue);
-        notes.push_back("no surface at isovalue " + isovalues + ": values are from " + range_text(least, greatest) + ", and the mesh is empty");
+        for (const double isovalue : settings_.isovalues) isovalues += (isovalues.empty() ? "" : ", ") + value_text(isovalue);
+        notes.push_back("no surface at isovalue " + isovalues + ": values are from " + values_text(least, greatest) + ", and the mesh is empty");
     }
 
     ContourSettings settings_;
@@ -119,7 +113,7 @@ public:
         notes = volume_->header().notes;
         if (settings_.isovalues.empty()) {
             const VolumeRange range = volume_->measure();
-            throw Error(ErrorKind::usage, "--iso V is expected; the values of " + path + (range.values > 0 ? " are from " + range_text(range.min, range.max) : " are all not a number"));
+            throw isovalue_expected(path, range.values > 0 ? range.min : 1.0, range.values > 0 ? range.max : 0.0);
         }
         set_colors();
     }
@@ -155,11 +149,11 @@ public:
         if (is_level_set && !request.inside) settings_.inside = ContourInside::below;
         if (is_level_set && settings_.isovalues.empty()) settings_.isovalues = {0.0};
         if (settings_.isovalues.empty())
-            throw Error(ErrorKind::usage, "--iso V is expected for a grid that is no level set; the values of " + path + ", grid " + field_->grid().name + ", are from " + range_text(field_->least(), field_->greatest()));
+            throw isovalue_expected(path + ", grid " + field_->grid().name + ",", field_->least(), field_->greatest());
         for (const double isovalue : settings_.isovalues) {
             const bool below = settings_.inside == ContourInside::below;
             if (below ? field_->background() <= isovalue : field_->background() >= isovalue)
-                throw Error(ErrorKind::usage, path + ": what lies far outside has the value " + number_text(field_->background()) + ", which the isovalue " + number_text(isovalue) + " takes for inside");
+                throw Error(ErrorKind::usage, path + ": what lies far outside has the value " + value_text(field_->background()) + ", which the isovalue " + value_text(isovalue) + " takes for inside");
         }
         set_colors();
     }
@@ -202,7 +196,7 @@ SurfaceVoxels load_voxels(const std::string& path, SurfaceMethod method, const S
     while (method == SurfaceMethod::cubes && request.voxel_size && levels > 1 && !is_larger(size_of_level(levels - 1), *request.voxel_size)) --levels;
     if (file.memory_bytes(levels, true) > room) {
         levels = file.levels_within(room, true);
-        voxels.notes.push_back("--memory has room for cells of " + number_text(size_of_level(levels)) + ", coarser than asked for");
+        voxels.notes.push_back("--memory has room for cells of " + value_text(size_of_level(levels)) + ", coarser than asked for");
     }
     voxels.tree = file.load(levels, true, request.threads);
     voxels.depth = std::max(voxels.tree.depth(), 1);
@@ -275,7 +269,7 @@ public:
         if (settings_.isovalues.empty()) settings_.isovalues = {0.5};
         const bool below = settings_.inside == ContourInside::below;
         for (const double isovalue : settings_.isovalues)
-            if (below || isovalue <= 0.0) throw Error(ErrorKind::usage, below ? "--inside below is not for voxels: nothing is outside" : "--iso: of voxels it is a share above 0, got " + number_text(isovalue));
+            if (below || isovalue <= 0.0) throw Error(ErrorKind::usage, below ? "--inside below is not for voxels: nothing is outside" : "--iso: of voxels it is a share above 0, got " + value_text(isovalue));
         set_colors();
         notes = voxels_.notes;
     }

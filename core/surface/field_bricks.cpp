@@ -5,6 +5,7 @@
 #include <string>
 
 #include "core/error.h"
+#include "core/parallel.h"
 
 namespace strata {
 namespace {
@@ -20,7 +21,7 @@ Box3d box_of_samples(const GridPlacement& placement, const Vec3d& least, const V
 }  // namespace
 
 void FieldBricks::allow(uint64_t bricks, uint64_t stored, uint64_t memory_bytes) const {
-    const uint64_t needed = bricks * (sizeof(uint32_t) + sizeof(float) + sizeof(FieldRange)) + stored * kFieldBrickSamples * sizeof(float);
+    const uint64_t needed = bricks * (sizeof(uint32_t) + sizeof(float) + sizeof(FieldRange)) + stored * (kFieldBrickSamples * sizeof(float) + 8 * sizeof(FieldRange));
     if (needed > memory_bytes)
         throw Error(ErrorKind::limit, "the field needs " + std::to_string(needed) + " bytes of memory, " + std::to_string(memory_bytes) +
                                           " are allowed; --memory gives more");
@@ -28,7 +29,7 @@ void FieldBricks::allow(uint64_t bricks, uint64_t stored, uint64_t memory_bytes)
 
 uint64_t FieldBricks::size_bytes() const {
     return numbers_.size() * sizeof(uint32_t) + (values_.size() + absent_.size()) * sizeof(float) +
-           (ranges_.size() + wide_ranges_.size()) * sizeof(FieldRange);
+           (octant_ranges_.size() + ranges_.size() + wide_ranges_.size()) * sizeof(FieldRange);
 }
 
 std::array<float, 8> FieldBricks::corners(const std::array<int32_t, 3>& cell) const {
@@ -45,36 +46,47 @@ std::array<float, 8> FieldBricks::corners(const std::array<int32_t, 3>& cell) co
     return values;
 }
 
-// Of the cells of each brick: its own samples and the nearest of the bricks above.
-void FieldBricks::find_ranges() {
+// The samples of a brick's cells: its own and the first of the bricks above.
+void FieldBricks::copy_with_rim(int32_t bi, int32_t bj, int32_t bk, std::span<float, 729> out) const {
+    const float* const own = values_.data() + size_t{numbers_[brick_index(bi, bj, bk)]} * kFieldBrickSamples;
+    float* to = out.data();
+    for (int z = 0; z < 9; ++z)
+        for (int y = 0; y < 9; ++y, to += 9) {
+            const int copied = z < 8 && y < 8 ? 8 : 0;
+            if (copied > 0) std::copy_n(own + (z << 6 | y << 3), 8, to);
+            for (int x = copied; x < 9; ++x) to[x] = sample(8 * bi + x, 8 * bj + y, 8 * bk + z);
+        }
+}
+
+void FieldBricks::find_ranges(int threads) {
     ranges_.assign(numbers_.size(), {});
-    for (int32_t k = 0; k < bricks_[2]; ++k)
-        for (int32_t j = 0; j < bricks_[1]; ++j)
-            for (int32_t i = 0; i < bricks_[0]; ++i) {
-                const uint32_t number = numbers_[brick_index(i, j, k)];
-                // By which of i, j, k are the least of the brick: what the bricks below need of this one.
-                std::array<FieldRange, 8> parts;
-                if (number == kNone) {
-                    for (FieldRange& part : parts) part.add(absent_[brick_index(i, j, k)]);
-                } else {
-                    const float* at = values_.data() + size_t{number} * kFieldBrickSamples;
-                    for (int z = 0; z < 8; ++z)
-                        for (int y = 0; y < 8; ++y, at += 8) {
-                            FieldRange row;
-                            for (int x = 0; x < 8; ++x) row.add(at[x]);
-                            for (size_t bits = 0; bits < 8; bits += 2) {
-                                if ((bits & 2 && y > 0) || (bits & 4 && z > 0)) continue;
-                                parts[bits].add(row);
-                                parts[bits | 1].add(at[0]);
-                            }
-                        }
-                }
-                for (int32_t bits = 0; bits < 8; ++bits) {
-                    const int32_t below[3] = {i - (bits & 1), j - (bits >> 1 & 1), k - (bits >> 2)};
-                    if (below[0] >= 0 && below[1] >= 0 && below[2] >= 0)
-                        ranges_[brick_index(below[0], below[1], below[2])].add(parts[size_t(bits)]);
-                }
-            }
+    octant_ranges_.assign(values_.size() / kFieldBrickSamples * 8, {});
+    const auto find_range = [&](int32_t i, int32_t j, int32_t k) {
+        FieldRange& range = ranges_[brick_index(i, j, k)];
+        const uint32_t number = numbers_[brick_index(i, j, k)];
+        if (number == kNone) {
+            // Its own value, and the first samples of the bricks above.
+            range.add(sample(8 * i, 8 * j, 8 * k));
+            for (int z = 0; z < 9; ++z)
+                for (int y = 0; y < 9; ++y)
+                    for (int x = z == 8 || y == 8 ? 0 : 8; x < 9; ++x) range.add(sample(8 * i + x, 8 * j + y, 8 * k + z));
+            return;
+        }
+        std::array<float, 729> samples;
+        copy_with_rim(i, j, k, samples);
+        for (int octant = 0; octant < 8; ++octant) {
+            FieldRange& of_octant = octant_ranges_[8 * size_t{number} + size_t(octant)];
+            const float* const first = samples.data() + 4 * (octant & 1) + 36 * (octant >> 1 & 1) + 324 * (octant >> 2);
+            for (int z = 0; z < 5; ++z)
+                for (int y = 0; y < 5; ++y)
+                    for (int x = 0; x < 5; ++x) of_octant.add(first[81 * z + 9 * y + x]);
+            range.add(of_octant);
+        }
+    };
+    parallel_blocks(threads, size_t(bricks_[1]) * size_t(bricks_[2]), 1, [&](size_t begin, size_t end) {
+        for (size_t row = begin; row < end; ++row)
+            for (int32_t i = 0; i < bricks_[0]; ++i) find_range(i, int32_t(row % size_t(bricks_[1])), int32_t(row / size_t(bricks_[1])));
+    });
     wide_ranges_.assign(size_t(wide(0)) * size_t(wide(1)) * size_t(wide(2)), {});
     for (int32_t k = 0; k < bricks_[2]; ++k)
         for (int32_t j = 0; j < bricks_[1]; ++j)
@@ -85,7 +97,7 @@ void FieldBricks::find_ranges() {
             }
 }
 
-FieldBricks FieldBricks::of_slices(SliceSource& source, uint64_t memory_bytes) {
+FieldBricks FieldBricks::of_slices(SliceSource& source, uint64_t memory_bytes, int threads) {
     FieldBricks field;
     field.placement_ = source.placement();
     const std::array<uint32_t, 3> size = source.size();
@@ -116,11 +128,11 @@ FieldBricks FieldBricks::of_slices(SliceSource& source, uint64_t memory_bytes) {
             }
     }
     field.bounds_ = box_of_samples(field.placement_, Vec3d::Zero(), Vec3d(size[0] - 1.0, size[1] - 1.0, size[2] - 1.0));
-    field.find_ranges();
+    field.find_ranges(threads);
     return field;
 }
 
-FieldBricks FieldBricks::of_bricks(FieldBrickSource& source, uint64_t memory_bytes) {
+FieldBricks FieldBricks::of_bricks(FieldBrickSource& source, uint64_t memory_bytes, int threads) {
     FieldBricks field;
     field.placement_ = source.placement();
     std::vector<std::array<int32_t, 3>> corners;
@@ -164,7 +176,7 @@ FieldBricks FieldBricks::of_bricks(FieldBrickSource& source, uint64_t memory_byt
             if (field.numbers_[index] != kNone || !std::isnan(field.absent_[index])) continue;
             field.absent_[index] = source.absent_value({corners[number][0] + 8 * away[0], corners[number][1] + 8 * away[1], corners[number][2] + 8 * away[2]});
         }
-    field.find_ranges();
+    field.find_ranges(threads);
     return field;
 }
 

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "core/math/box.h"
@@ -24,15 +25,15 @@ struct FieldRange {
     }
 };
 
-/// A scalar field in memory, made for looking at any of its isosurfaces: bricks of 8^3 samples, and which values lie in bricks of 8^3 and
-/// of 64^3 cells. A cell is the cube between 8 samples, known by the least; its coordinates here count from 0.
+/// A scalar field in memory, made for looking at any of its isosurfaces: bricks of 8^3 samples, and which values lie in cubes of 4^3,
+/// 8^3 and 64^3 cells. A cell is the cube between 8 samples, known by the least; its coordinates here count from 0.
 class FieldBricks {
 public:
     /// throws  Error{limit}: more memory than allowed is needed; what the source throws
-    /// cost    4 bytes a sample and 12 a brick
-    static FieldBricks of_slices(SliceSource& source, uint64_t memory_bytes);
+    /// cost    4 bytes a sample, 64 a brick that is stored and 16 a brick
+    static FieldBricks of_slices(SliceSource& source, uint64_t memory_bytes, int threads);
     /// Empty where there are no bricks.
-    static FieldBricks of_bricks(FieldBrickSource& source, uint64_t memory_bytes);
+    static FieldBricks of_bricks(FieldBrickSource& source, uint64_t memory_bytes, int threads);
 
     bool empty() const { return values_.empty(); }
     const GridPlacement& placement() const { return placement_; }     // of sample (0, 0, 0) as counted here
@@ -57,6 +58,11 @@ public:
 
     /// Values of the samples of the cells in a brick.
     const FieldRange& range_of(int32_t bi, int32_t bj, int32_t bk) const { return ranges_[brick_index(bi, bj, bk)]; }
+    /// Likewise of 4^3 cells of a brick, by the octant: 1 for the upper i, 2 for j, 4 for k.
+    const FieldRange& octant_range_of(int32_t bi, int32_t bj, int32_t bk, int octant) const {
+        const size_t index = brick_index(bi, bj, bk);
+        return numbers_[index] == kNone ? ranges_[index] : octant_ranges_[8 * size_t{numbers_[index]} + size_t(octant)];
+    }
     /// Likewise of 8^3 bricks.
     const FieldRange& wide_range_of(int32_t wi, int32_t wj, int32_t wk) const {
         return wide_ranges_[(size_t(wk) * size_t(wide(1)) + size_t(wj)) * size_t(wide(0)) + size_t(wi)];
@@ -69,7 +75,8 @@ private:
         return (size_t(bk) * size_t(bricks_[1]) + size_t(bj)) * size_t(bricks_[0]) + size_t(bi);
     }
     int32_t wide(size_t axis) const { return (bricks_[axis] + 7) / 8; }
-    void find_ranges();
+    void copy_with_rim(int32_t bi, int32_t bj, int32_t bk, std::span<float, 729> out) const;
+    void find_ranges(int threads);
     void allow(uint64_t bricks, uint64_t stored, uint64_t memory_bytes) const;
 
     GridPlacement placement_;
@@ -77,6 +84,7 @@ private:
     std::vector<uint32_t> numbers_;  // [bricks] of the stored brick there
     std::vector<float> values_;      // [stored bricks * 512] i fastest, then j
     std::vector<float> absent_;      // [bricks] of a sparse field: the value of those that are not stored
+    std::vector<FieldRange> octant_ranges_;  // [stored bricks * 8]
     std::vector<FieldRange> ranges_, wide_ranges_;
     FieldRange range_;
     Box3d bounds_;

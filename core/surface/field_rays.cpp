@@ -33,6 +33,8 @@ public:
         if (wide != Side::both) return pass(6, wide, t / walk.t_scale, path, hit);
         const Side brick = side_of(field_.range_of(i >> 3, j >> 3, k >> 3));
         if (brick != Side::both) return pass(3, brick, t / walk.t_scale, path, hit);
+        const Side octant = side_of(field_.octant_range_of(i >> 3, j >> 3, k >> 3, (i >> 2 & 1) | (j >> 1 & 2) | (k & 4)));
+        if (octant != Side::both) return pass(2, octant, t / walk.t_scale, path, hit);
         const std::array<float, 8> corners = field_.corners(path.voxel);
         unsigned inside = 0;
         bool missing = false;
@@ -91,20 +93,42 @@ private:
 
 }  // namespace
 
-Box3d surface_bounds(const FieldBricks& field, const IsoLevel& level) {
-    Box3d box;
+std::vector<std::array<int32_t, 3>> crossed_bricks(const FieldBricks& field, const IsoLevel& level) {
+    std::vector<std::array<int32_t, 3>> crossed;
     const auto [ni, nj, nk] = field.bricks();
     for (int32_t k = 0; k < nk; ++k)
         for (int32_t j = 0; j < nj; ++j)
             for (int32_t i = 0; i < ni; ++i) {
                 const FieldRange& range = field.range_of(i, j, k);
-                const bool crossed = level.inside == ContourInside::above
-                                         ? range.least < level.isovalue && range.greatest >= level.isovalue
-                                         : range.least <= level.isovalue && range.greatest > level.isovalue;
-                if (!crossed) continue;
-                for (int corner = 0; corner < 8; ++corner)
-                    box.extend(field.placement().world_from_index(8.0 * Vec3d(i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2))));
+                if (level.inside == ContourInside::above ? range.least < level.isovalue && range.greatest >= level.isovalue
+                                                         : range.least <= level.isovalue && range.greatest > level.isovalue)
+                    crossed.push_back({i, j, k});
             }
+    return crossed;
+}
+
+Box3d crossed_cells(const FieldBricks& field, const IsoLevel& level, const std::array<int32_t, 3>& brick) {
+    Box3d box;
+    for (int32_t n = 0; n < kFieldBrickSamples; ++n) {
+        const std::array<int32_t, 3> cell = {8 * brick[0] + (n & 7), 8 * brick[1] + (n >> 3 & 7), 8 * brick[2] + (n >> 6)};
+        int inside = 0;
+        bool missing = false;
+        for (const float value : field.corners(cell)) {
+            inside += level.inside == ContourInside::above ? value >= level.isovalue : value <= level.isovalue;
+            missing |= std::isnan(value);
+        }
+        if (missing || inside == 0 || inside == 8) continue;
+        box.extend(Vec3d(cell[0], cell[1], cell[2]));
+        box.extend(Vec3d(cell[0] + 1, cell[1] + 1, cell[2] + 1));
+    }
+    return box;
+}
+
+Box3d surface_bounds(const FieldBricks& field, const IsoLevel& level) {
+    Box3d box;
+    for (const auto& [i, j, k] : crossed_bricks(field, level))
+        for (int corner = 0; corner < 8; ++corner)
+            box.extend(field.placement().world_from_index(8.0 * Vec3d(i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2))));
     if (box.empty()) return box;
     // The last bricks may reach beyond the samples.
     return {.min = box.min.cwiseMax(field.bounds().min), .max = box.max.cwiseMin(field.bounds().max)};

@@ -3,6 +3,7 @@
 #include <array>
 #include <limits>
 #include <optional>
+#include <vector>
 
 #include "core/math/vec.h"
 #include "core/surface/contour.h"
@@ -16,7 +17,11 @@ struct IsoLevel {
     ContourInside inside = ContourInside::above;
 };
 
-/// Of the bricks that an isosurface may pass through; world. Empty: it passes through none.
+/// The bricks that an isosurface may pass through.
+std::vector<std::array<int32_t, 3>> crossed_bricks(const FieldBricks& field, const IsoLevel& level);
+/// The box of the cells in a brick that it does pass through, in samples.
+Box3d crossed_cells(const FieldBricks& field, const IsoLevel& level, const std::array<int32_t, 3>& brick);
+/// Of the bricks that it may pass through; world. Empty: it passes through none.
 Box3d surface_bounds(const FieldBricks& field, const IsoLevel& level);
 
 /// Points origin + t * direction, t >= 0, in samples of a FieldBricks.

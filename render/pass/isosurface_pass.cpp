@@ -9,7 +9,6 @@
 #include "render/pass/mesh_projection.h"
 #include "render/pass/voxel_clip.h"
 #include "render/pass/voxel_light.h"
-#include "render/sky_light.h"
 
 namespace strata {
 namespace {
@@ -55,6 +54,7 @@ bool draw_isosurface(const IsosurfaceModel& model, uint32_t drawable, const Isos
     VoxelFrame from_eye;
     from_eye.origin = view.camera.eye;
     const VoxelClip clip(view.clips, from_eye);
+    const Sky sky = sky_of(view.up);
     const std::vector<Tile> tiles = tiles_of(out);
     std::atomic<bool> any = false;
     parallel_blocks(view.threads, tiles.size(), 4, [&](size_t begin, size_t end) {
@@ -77,7 +77,7 @@ bool draw_isosurface(const IsosurfaceModel& model, uint32_t drawable, const Isos
                     if (normal.isZero()) normal = -direction;
                     if (normal.dot(direction) > 0.0f) normal = -normal;  // both sides can be seen
                     const Rgba8 color = model.colors.color(view.camera.eye.z() + ray.origin.z() + hit->t * ray.direction.z(), normal);
-                    out.colors[pixel] = model.colors.rule() == IsosurfaceColors::Rule::normal ? color : lit(color, sky_light(normal));
+                    out.colors[pixel] = model.colors.rule() == IsosurfaceColors::Rule::normal ? color : lit(color, sky.light(normal));
                     out.depths[pixel] = float(hit->t);
                     if (!out.splat_px.empty()) out.splat_px[pixel] = 1;
                     if (!out.ids.empty()) out.ids[pixel] = isosurface_id(hit->cell, drawable);

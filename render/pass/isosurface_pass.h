@@ -7,6 +7,7 @@
 #include "core/math/camera.h"
 #include "render/gbuffer.h"
 #include "render/isosurface_model.h"
+#include "render/sky_light.h"
 
 namespace strata {
 
@@ -17,6 +18,7 @@ struct IsosurfaceView {
     Vec2f offset_px;               // of a sample, from the middle of its pixel
     std::span<const ClipBox> clips;
     int threads = 1;
+    UpAxis up = UpAxis::z;  // for light
 };
 
 /// Casts a ray through the middle of each pixel of a G-buffer and draws the isosurface that it meets where that is nearer than what is

@@ -22,7 +22,7 @@ constexpr uint64_t kAmple = uint64_t{1} << 30;
 
 FieldBricks dense(std::array<uint32_t, 3> size, FunctionSlices::Value value, GridPlacement placement = {}) {
     FunctionSlices source(size, std::move(value), placement);
-    return FieldBricks::of_slices(source, kAmple);
+    return FieldBricks::of_slices(source, kAmple, 2);
 }
 
 Vec3d random_direction(Random& random) { return Vec3d(random.normal(), random.normal(), random.normal()).normalized(); }
@@ -192,7 +192,7 @@ TEST(FieldRays, SparseFieldsAreDenseOnes) {
     const std::array<int32_t, 3> first = {-4, -2, 0}, last = {4, 5, 8};
     FunctionBricks sparse_source(first, last, 3.0f, distance, near);
     sparse_source.set_absent(distance);
-    const FieldBricks sparse = FieldBricks::of_bricks(sparse_source, kAmple);
+    const FieldBricks sparse = FieldBricks::of_bricks(sparse_source, kAmple, 2);
     GridPlacement placement;
     placement.origin = Vec3d(-32, -16, 0);
     const FieldBricks whole = dense(
@@ -211,7 +211,7 @@ TEST(FieldRays, SparseFieldsAreDenseOnes) {
     }
     EXPECT_GT(hits, 200u);
     FunctionBricks none(first, first, 3.0f, distance, near);
-    EXPECT_TRUE(FieldBricks::of_bricks(none, kAmple).empty());
+    EXPECT_TRUE(FieldBricks::of_bricks(none, kAmple, 2).empty());
     EXPECT_FALSE(cast_ray(FieldBricks(), {}, {}));
 }
 
@@ -219,7 +219,7 @@ TEST(FieldRays, SparseFieldsAreDenseOnes) {
 TEST(FieldRays, TheBackgroundBoundsBricks) {
     FunctionBricks source(
         {0, 0, 0}, {1, 1, 1}, 0.0f, [](int, int, int) { return 1.0; }, [](int, int, int) { return 1.0; });
-    const FieldBricks field = FieldBricks::of_bricks(source, kAmple);
+    const FieldBricks field = FieldBricks::of_bricks(source, kAmple, 2);
     const Vec3d shift = -field.placement().origin;
     EXPECT_TRUE(std::isnan(field.sample(-1, 3, 3)));
     for (int axis = 0; axis < 3; ++axis)
@@ -244,7 +244,7 @@ TEST(FieldRays, EmptyAndDegenerateFields) {
         EXPECT_NEAR(hit->t, 9.0, 1e-6);
     }
     FunctionSlices large({64, 64, 64}, [](int, int, int) { return 0.0; });
-    EXPECT_THROW(FieldBricks::of_slices(large, 1 << 20), Error);
+    EXPECT_THROW(FieldBricks::of_slices(large, 1 << 20, 2), Error);
 }
 
 }  // namespace

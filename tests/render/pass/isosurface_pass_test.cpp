@@ -39,7 +39,7 @@ GridPlacement far_placement() {
 FieldBricks sphere_field(const GridPlacement& placement = {}) {
     test::FunctionSlices source(
         {34, 33, 35}, [](int i, int j, int k) { return (Vec3d(i, j, k) - kMiddle).norm() - kRadius; }, placement);
-    return FieldBricks::of_slices(source, uint64_t{1} << 30);
+    return FieldBricks::of_slices(source, uint64_t{1} << 30, 2);
 }
 
 IsosurfaceModel model_of(const FieldBricks& field, const char* color = "plain") {
@@ -94,7 +94,7 @@ TEST(IsosurfacePass, AgreesWithTheMesh) {
         return std::sin(0.35 * i) * std::cos(0.3 * j) + std::sin(0.3 * j) * std::cos(0.4 * k) + std::sin(0.4 * k) * std::cos(0.35 * i);
     };
     test::FunctionSlices source(size, value), again(size, value);
-    const FieldBricks field = FieldBricks::of_slices(source, uint64_t{1} << 30);
+    const FieldBricks field = FieldBricks::of_slices(source, uint64_t{1} << 30, 2);
     std::vector<float> values(size_t{40} * 38 * 36);
     again.read(36, 0.0, values);
     ContourSettings settings;

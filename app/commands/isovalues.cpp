@@ -1,0 +1,33 @@
+#include "app/commands/isovalues.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "core/error.h"
+
+namespace strata {
+
+std::vector<double> parse_list(std::string_view flag, const std::string& text) {
+    std::vector<double> values;
+    for (size_t begin = 0; begin <= text.size();) {
+        const size_t end = std::min(text.find(',', begin), text.size());
+        values.push_back(parse_number(flag, text.substr(begin, end - begin)));
+        begin = end + 1;
+    }
+    return values;
+}
+
+std::string value_text(double value) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.9g", value);
+    return text;
+}
+
+std::string values_text(double least, double greatest) { return value_text(least) + " to " + value_text(greatest); }
+
+Error isovalue_expected(const std::string& what, double least, double greatest) {
+    return {ErrorKind::usage, "--iso V is expected; the values of " + what +
+                                  (least <= greatest ? " are from " + values_text(least, greatest) : " are all not a number")};
+}
+
+}  // namespace strata

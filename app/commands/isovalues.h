@@ -1,0 +1,23 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "app/options.h"
+#include "core/error.h"
+
+namespace strata {
+
+/// Numbers of a list "1,2.5".
+/// throws  Error{usage}, naming the flag
+std::vector<double> parse_list(std::string_view flag, const std::string& text);
+
+/// The row of an isovalue that is needed for an input: says which values there are. least > greatest: none
+Error isovalue_expected(const std::string& what, double least, double greatest);
+
+/// "0.5", "-1000 to 1176"
+std::string value_text(double value);
+std::string values_text(double least, double greatest);
+
+}  // namespace strata

@@ -1,0 +1,111 @@
+// strata render --iso as users run it: volumes and grids, several isovalues, beside meshes and points.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/run_program.h"
+#include "tests/support/temporary_folder.h"
+
+namespace strata {
+namespace {
+
+namespace fs = std::filesystem;
+using test::ProgramResult;
+using test::run_strata;
+
+// Two balls that touch, by a sum of two bells, at UTM coordinates.
+class RenderIsosurface : public testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        folder_ = new TemporaryFolder;
+        std::ofstream out(file("bells.mha"), std::ios::binary);
+        out << "ObjectType = Image\nNDims = 3\nDimSize = 48 40 36\nElementSpacing = 0.5 0.5 0.75\nOffset = 500000 5300000 120\nElementType "
+               "= MET_FLOAT\nElementDataFile = LOCAL\n";
+        for (int k = 0; k < 36; ++k)
+            for (int j = 0; j < 40; ++j)
+                for (int i = 0; i < 48; ++i) {
+                    const auto bell = [&](double x, double y, double z) {
+                        return std::exp(-((i - x) * (i - x) + (j - y) * (j - y) + 2.25 * (k - z) * (k - z)) / 90.0);
+                    };
+                    const float value = float(100.0 * (bell(15, 19, 16) + bell(32, 21, 19)));
+                    out.write(reinterpret_cast<const char*>(&value), sizeof value);
+                }
+    }
+    static void TearDownTestSuite() {
+        delete folder_;
+        folder_ = nullptr;
+    }
+    static std::string file(const std::string& name) { return folder_->file(name); }
+    static ProgramResult render(std::vector<std::string> words) {
+        words.insert(words.begin(), {"render", "--overwrite"});
+        words.insert(words.end(), {"--size", "320x240"});
+        return run_strata(words);
+    }
+
+    static inline TemporaryFolder* folder_ = nullptr;
+};
+
+TEST_F(RenderIsosurface, TheMeshGivesTheSamePicture) {
+    ASSERT_EQ(run_strata({"surface", file("bells.mha"), "--iso", "50", "-o", file("bells.ply"), "--normals", "--quiet"}).exit_code, 0);
+    for (const char* view : {"front", "top", "iso"}) {
+        // One camera for both: that of the mesh.
+        const ProgramResult mesh =
+            render({file("bells.ply"), "--view", view, "-o", file("mesh.png"), "--stats", "--depth", file("mesh.pfm")});
+        ASSERT_EQ(mesh.exit_code, 0) << mesh.err;
+        std::ofstream(file("camera.json")) << nlohmann::json::parse(mesh.out)["camera"];
+        const ProgramResult rays = render({file("bells.mha"), "--iso", "50", "--camera", file("camera.json"), "-o", file("rays.png"),
+                                           "--stats", "--reference", file("mesh.png"), "--threshold", "12"});
+        EXPECT_EQ(rays.exit_code, 0) << view << ": " << rays.err;
+        EXPECT_TRUE(nlohmann::json::parse(rays.out)["pass_ms"].contains("isosurfaces"));
+    }
+}
+
+TEST_F(RenderIsosurface, SeveralIsovaluesAndWhatIsBesideThem) {
+    ASSERT_EQ(run_strata({"surface", file("bells.mha"), "--iso", "80", "-o", file("core.ply"), "--quiet"}).exit_code, 0);
+    const ProgramResult two = render({file("bells.mha"), file("core.ply"), "--iso", "30,60", "--clip-out",
+                                      "500000,5300000,120,500030,5300010,160", "-o", file("two.png")});
+    EXPECT_EQ(two.exit_code, 0) << two.err;
+    EXPECT_NE((two.out + two.err).find("triangles and 2 isosurfaces"), std::string::npos) << two.out << two.err;
+    const ProgramResult strips =
+        render({file("bells.mha"), file("core.ply"), "--iso", "30,60", "--clip-out", "500000,5300000,120,500030,5300010,160", "-o",
+                file("strips.png"), "--tile", "37", "--threads", "3", "--reference", file("two.png"), "--threshold", "0"});
+    EXPECT_EQ(strips.exit_code, 0) << strips.err;
+}
+
+TEST_F(RenderIsosurface, WrongWordsAreRefused) {
+    const ProgramResult none = render({file("bells.mha"), "-o", file("none.png")});
+    EXPECT_EQ(none.exit_code, 2);
+    EXPECT_NE(none.err.find("--iso V is expected; the values of"), std::string::npos) << none.err;
+    EXPECT_EQ(render({file("bells.mha"), "--iso", "x", "-o", file("none.png")}).exit_code, 2);
+    EXPECT_EQ(render({file("bells.mha"), "--iso", "50", "--color", "intensity", "-o", file("none.png")}).exit_code, 2);
+    EXPECT_EQ(render({STRATA_SOURCE_DIR "/sample_data/village.las", "--iso", "50", "-o", file("none.png")}).exit_code, 2);
+    const ProgramResult little = render({file("bells.mha"), "--iso", "50", "--memory", "200K", "-o", file("none.png")});
+    EXPECT_EQ(little.exit_code, 1);
+    EXPECT_NE(little.err.find("bytes of memory"), std::string::npos) << little.err;
+    EXPECT_FALSE(fs::exists(file("none.png")));
+    const ProgramResult beyond = render({file("bells.mha"), "--iso", "1e6", "-o", file("beyond.png")});
+    EXPECT_EQ(beyond.exit_code, 0);
+    EXPECT_NE(beyond.err.find("no surface at isovalue 1000000; values are from"), std::string::npos) << beyond.err;
+}
+
+// A real volume and a level set: something is in sight from everywhere.
+TEST_F(RenderIsosurface, RealFieldsAreDrawn) {
+    const char* const data = std::getenv("STRATA_DATA");
+    const std::string volume = std::string(data ? data : "") + "/volume/HeadMRVolume.mhd",
+                      mesh = std::string(data ? data : "") + "/obj/spot.obj";
+    if (!data || !fs::exists(volume) || !fs::exists(mesh)) GTEST_SKIP() << "STRATA_DATA names no folder with volumes and meshes";
+    EXPECT_EQ(render({volume, "--iso", "40", "-o", file("head.png")}).err.find("nothing is in sight"), std::string::npos);
+    const ProgramResult grid =
+        run_strata({"voxelize", mesh, "-o", file("spot.vdb"), "--kind", "level-set", "--resolution", "96", "--quiet"});
+    if (grid.exit_code != 0) GTEST_SKIP() << grid.err;
+    const ProgramResult surface = render({file("spot.vdb"), "--iso", "0", "-o", file("spot.png"), "--stats"});
+    EXPECT_EQ(surface.exit_code, 0) << surface.err;
+    EXPECT_EQ(surface.err.find("nothing is in sight"), std::string::npos) << surface.err;
+}
+
+}  // namespace
+}  // namespace strata
