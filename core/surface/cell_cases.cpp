@@ -230,6 +230,12 @@ void add_band_by_ring(const Loop& a, const Loop& b, CellPatch& patch) {
     }
 }
 
+// With the vertices, until now 0 to 11 on edges and from 12 on within, in their places.
+CellPatch placed(CellPatch patch) {
+    for (uint8_t& v : patch.vertices) v = v < kCellEdges ? CellPatch::place_of_edge(v) : CellPatch::place_of_inner(size_t(v - kCellEdges));
+    return patch;
+}
+
 // Regions of the cell's boundary, each known by its least corner.
 Joined<8> join_corners_on_boundary(unsigned cell_case, unsigned joined_faces) {
     Joined<8> regions;
@@ -283,7 +289,7 @@ void CellCases::derive(unsigned cell_case, unsigned joined_faces) {
     Way way{.patch = uint32_t(patches_.size()), .tunnels = {}};
     CellPatch disks;
     for (const Loop& loop : loops) add_disk(loop, disks);
-    patches_.push_back(disks);
+    patches_.push_back(placed(disks));
 
     const Joined<8> regions = join_corners_on_boundary(cell_case, joined_faces);
     const auto region = [&](const Loop& loop, bool inside) {
@@ -299,7 +305,7 @@ void CellCases::derive(unsigned cell_case, unsigned joined_faces) {
                 for (size_t other = 0; other < loops.size(); ++other)
                     if (other != i && other != j) add_disk(loops[other], patch);
                 way.tunnels.push_back({uint8_t(region(loops[i], inside)), uint8_t(region(loops[j], inside)), uint32_t(patches_.size())});
-                patches_.push_back(patch);
+                patches_.push_back(placed(patch));
             }
     ways_.push_back(std::move(way));
 }

@@ -571,7 +571,7 @@ private:
             return owner.first[edge.axis][k & 7] + uint32_t(std::popcount(owner.crossed[edge.axis][k & 7] & before));
         };
 
-        std::array<uint32_t, kCellEdges + CellPatch::kMostInner> ids = {};
+        std::array<uint32_t, CellPatch::kPlaces> ids = {};
         std::array<uint32_t, 3>* triangle = mesh_.triangles.data() + first_triangle_ + part.first_triangle;
         uint32_t inner = part.first_inner;
         std::optional<View> view;
@@ -587,7 +587,7 @@ private:
                 unsigned cell_case = 0;
                 for (unsigned c = 0; c < 8; ++c) cell_case |= unsigned(corner[c] >> bit & 1) << c;
 #pragma GCC unroll 12
-                for (size_t e = 0; e < kCellEdges; ++e) ids[e] = vertex_on(kCellEdge[e], i, j, k);
+                for (size_t e = 0; e < kCellEdges; ++e) ids[CellPatch::place_of_edge(e)] = vertex_on(kCellEdge[e], i, j, k);
                 const uint8_t count = plain.triangles[cell_case];
                 if (count != CellCases::kUndecided) {
                     const auto& vertices = plain.vertices[cell_case];
@@ -602,7 +602,7 @@ private:
                     const uint64_t at = inner - first_vertex_;
                     put(at, view->start + (i + p_cell.x()) * axes_[0] + (j + p_cell.y()) * axes_[1] + (k + p_cell.z()) * axes_[2]);
                     if (settings_.normals) mesh_.normals[at] = normal_of(-inside_slope(values, p_cell));
-                    ids[kCellEdges + n] = inner++;
+                    ids[CellPatch::place_of_inner(n)] = inner++;
                 }
                 for (size_t t = 0; t < patch.triangles; ++t) {
                     *triangle = {ids[patch.vertices[3 * t]], ids[patch.vertices[3 * t + 1]], ids[patch.vertices[3 * t + 2]]};

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -102,6 +103,8 @@ ContourReport contour_slices(SliceSource& source, const ContourSettings& setting
     SliceWindow window(source, reference);
     PieceBuffer piece(settings, source.placement().origin);
     const auto [columns, rows, slices] = source.size();
+    constexpr uint64_t kMostSamples = uint64_t{1} << 48;  // a slice: byte counts of a slab do not overflow
+    if (uint64_t{columns} * rows > kMostSamples) refuse(std::numeric_limits<uint64_t>::max(), settings.memory_bytes);
     const uint64_t slice_bytes = uint64_t{columns} * rows * sizeof(float);
     const auto slab_bytes = [&](int64_t first, int64_t end) {
         const auto [first_slice, end_slice] = slab.slices_of(first, end);

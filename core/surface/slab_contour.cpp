@@ -336,7 +336,7 @@ struct SlabKernel {
 
             uint32_t* const unit_triangles = out.triangles[unit.first_triangle - first_triangle].data();
             uint32_t* const end = unit_triangles + 3 * unit.triangles;
-            alignas(64) std::array<uint32_t, 16> ids = {};
+            alignas(64) std::array<uint32_t, CellPatch::kPlaces> ids = {};
             for (int64_t j = 0; j + 1 < slab.rows_; ++j) {
                 const Rows rows = rows_of(slab, layer, s, j);
                 uint32_t* triangle = unit_triangles + 3 * size_t(numbers[j].triangles);
@@ -352,7 +352,7 @@ struct SlabKernel {
                         std::memcpy(&step, kSteps[cell_case].data(), sizeof step);
                         std::memcpy(ids.data(), &next, sizeof next);
                         next += step;
-                        for (size_t e = 0; e < 4; ++e) ids[8 + e] = next[4 + e];
+                        std::memcpy(ids.data() + 8, &next, sizeof next);
                         const unsigned count = plain.triangles[cell_case];
                         if (count != CellCases::kUndecided) {
                             const std::array<uint8_t, 16>& vertices = plain.vertices[cell_case];
@@ -383,7 +383,7 @@ struct SlabKernel {
                             put(out.positions[at], start_of(slab, j, k) + (double(i) + p_cell.x()) * slab.axes_[0] +
                                                        p_cell.y() * slab.axes_[1] + p_cell.z() * slab.axes_[2]);
                             if constexpr (kNormals) out.normals[at] = normal_of(slab, -inside_slope(values, p_cell));
-                            ids[kCellEdges + n] = inner++;
+                            ids[CellPatch::place_of_inner(n)] = inner++;
                         }
                         for (size_t t = 0; t < patch.triangles; ++t, triangle += 3)
                             for (size_t v = 0; v < 3; ++v) triangle[v] = ids[patch.vertices[3 * t + (slab.mirrored_ ? 2 - v : v)]];
@@ -629,6 +629,7 @@ SlabContour::Part SlabContour::part_of(int64_t first, int64_t end) const {
 }
 
 void SlabContour::emit(const SlabSamples& samples, int64_t first, int64_t end, const ContourTarget& out) {
+    if (part_of(first, end).triangles == 0) return;  // nor vertices, and no place for them
     const auto emit_slice = normals_ ? SlabKernel::emit_slice_plainly
                                      : kernel_for(level_, SlabKernel::emit_slice_baseline, SlabKernel::emit_slice_avx2,
                                                   SlabKernel::emit_slice_avx512);

@@ -19,11 +19,15 @@ bool is_crossed(unsigned cell_case, size_t edge) {
 }
 bool in_one_face(int a, int b) { return a < kCellEdges && b < kCellEdges && (kCellEdge[size_t(a)].faces & kCellEdge[size_t(b)].faces) != 0; }
 
+// The vertices of a patch by number: 0 to 11 on edges, then those within the cell.
+int vertex_at(uint8_t place) { return place < 8 ? place : place < 12 ? kCellEdges + place - 8 : place - 4; }
+int vertex_of(const CellPatch& patch, size_t n) { return vertex_at(patch.vertices[n]); }
+
 // How often each triangle edge is walked, and in which direction.
 std::map<Edge, int> walks_of(const CellPatch& patch) {
     std::map<Edge, int> walks;
     for (size_t t = 0; t < patch.triangles; ++t)
-        for (size_t n = 0; n < 3; ++n) ++walks[{patch.vertices[3 * t + n], patch.vertices[3 * t + (n + 1) % 3]}];
+        for (size_t n = 0; n < 3; ++n) ++walks[{vertex_of(patch, 3 * t + n), vertex_of(patch, 3 * t + (n + 1) % 3)}];
     return walks;
 }
 
@@ -36,6 +40,16 @@ TEST(CellCases, EdgesAndFacesAreThoseOfACube) {
     }
     EXPECT_EQ(edges.size(), 12u);
     for (size_t e = 0; e < 4; ++e) EXPECT_EQ(kCellEdge[8 + e].lower, kCellEdge[4 + e].lower + 1);
+    std::set<int> places;
+    for (size_t e = 0; e < kCellEdges; ++e) {
+        EXPECT_EQ(vertex_at(CellPatch::place_of_edge(e)), int(e));
+        places.insert(CellPatch::place_of_edge(e));
+    }
+    for (size_t n = 0; n < CellPatch::kMostInner; ++n) {
+        EXPECT_EQ(vertex_at(CellPatch::place_of_inner(n)), int(kCellEdges + n));
+        places.insert(CellPatch::place_of_inner(n));
+    }
+    EXPECT_EQ(places.size(), CellPatch::kPlaces);
     // Each cube edge is walked once in either direction by the two faces that have it: all are seen from outside, or all from inside.
     std::set<std::pair<int, int>> walked;
     for (const auto& face : kFaceCorners)
@@ -68,7 +82,7 @@ TEST(CellCases, EveryPatchIsAManifoldThatTouchesFacesOnlyWithItsBoundary) {
             std::map<int, int> next;
             for (size_t t = 0; t < listed.patch.triangles; ++t)
                 for (size_t n = 0; n < 3; ++n)
-                    if (listed.patch.vertices[3 * t + n] == v) next[listed.patch.vertices[3 * t + (n + 1) % 3]] = listed.patch.vertices[3 * t + (n + 2) % 3];
+                    if (vertex_of(listed.patch, 3 * t + n) == v) next[vertex_of(listed.patch, 3 * t + (n + 1) % 3)] = vertex_of(listed.patch, 3 * t + (n + 2) % 3);
             ASSERT_GE(next.size(), 3u) << where;
             size_t walked = 0;
             int at = next.begin()->first;

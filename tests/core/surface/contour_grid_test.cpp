@@ -279,6 +279,9 @@ TEST(ContourGrid, RefusesWhatIsNoIsovalue) {
     const ScalarGrid grid = gyroid(10);
     for (const double isovalue : {std::nan(""), std::numeric_limits<double>::infinity()})
         EXPECT_THROW(contour_grid(grid.placement, grid.size, grid.values, {.isovalues = {isovalue}}, mesh), Error);
+    EXPECT_THROW(contour_grid(grid.placement, {10, 13, 9}, grid.values, {}, mesh), Error);  // the gyroid is 10 x 13 x 8
+    EXPECT_THROW(contour_grid(grid.placement, {0xffffffff, 0xffffffff, 0xffffffff}, grid.values, {}, mesh), Error);
+    EXPECT_THROW(contour_grid(grid.placement, grid.size, grid.values, {.isovalues = {0.0, 1.0}, .colors = {{0, 0, 0, 0}}}, mesh), Error);
 }
 
 }  // namespace

@@ -135,6 +135,17 @@ TEST(ContourSlices, RefusesTooLittleMemoryWithTheNumberNeeded) {
     EXPECT_EQ(source.reads(), 0u);
 }
 
+// A slice that no memory holds is refused before anything is allocated.
+TEST(ContourSlices, RefusesSlicesBeyondAnyMemory) {
+    for (const std::array<uint32_t, 3>& size : {std::array<uint32_t, 3>{0xffffffff, 0xffffffff, 0xffffffff}, {1 << 20, 1 << 20, 2}}) {
+        const ScalarGrid grid{.placement = {}, .size = size, .values = {}};
+        GridSlices source(grid);
+        SurfaceCollector sink;
+        EXPECT_THROW(contour_slices(source, {}, sink), Error);
+        EXPECT_EQ(source.reads(), 0u);
+    }
+}
+
 TEST(ContourSlices, NoCellsNoPieces) {
     for (const std::array<uint32_t, 3>& size : {std::array<uint32_t, 3>{20, 20, 1}, {1, 20, 20}, {0, 0, 0}}) {
         ScalarGrid grid{.placement = {}, .size = size, .values = std::vector<float>(size_t(size[0]) * size[1] * size[2], 1.0f)};
