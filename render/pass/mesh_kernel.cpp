@@ -35,17 +35,18 @@ constexpr int32_t kFar = 1 << 30;  // beside any picture
 inline void sort(const MeshGeometry& geometry, const MeshTarget& target, TriangleBlock& block) {
     const int32_t width = int32_t(target.width), first_row = int32_t(target.first_row), end_row = first_row + int32_t(target.rows);
     const std::array<uint32_t, 3>* const triangles = geometry.triangles + block.first;
-    for (size_t i = 0; i < block.count; ++i) {
-        const ProjectedVertex a = geometry.vertices[triangles[i][0]], b = geometry.vertices[triangles[i][1]], c = geometry.vertices[triangles[i][2]];
-        const ProjectedVertex corners[3] = {a, b, c};
+    for (size_t i = 0; i < block.count; ++i)
         for (size_t corner = 0; corner < 3; ++corner) {
-            block.x[corner][i] = corners[corner].x;
-            block.y[corner][i] = corners[corner].y;
-            block.key[corner][i] = corners[corner].key;
+            const ProjectedVertex& vertex = geometry.vertices[triangles[i][corner]];
+            block.x[corner][i] = vertex.x;
+            block.y[corner][i] = vertex.y;
+            block.key[corner][i] = vertex.key;
         }
-        const int32_t least_x = least(least(a.x, b.x), c.x), most_x = most(most(most(a.x, b.x), c.x), -kFar);
-        const int32_t least_y = least(least(a.y, b.y), c.y), most_y = most(most(a.y, b.y), c.y);
-        const bool unsnapped = least_x == kUnsnapped, behind = (a.key == 0.0f) & (b.key == 0.0f) & (c.key == 0.0f);
+    for (size_t i = 0; i < block.count; ++i) {
+        const int32_t ax = block.x[0][i], bx = block.x[1][i], cx = block.x[2][i], ay = block.y[0][i], by = block.y[1][i], cy = block.y[2][i];
+        const int32_t least_x = least(least(ax, bx), cx), most_x = most(most(most(ax, bx), cx), -kFar);
+        const int32_t least_y = least(least(ay, by), cy), most_y = most(most(ay, by), cy);
+        const bool unsnapped = least_x == kUnsnapped, behind = (block.key[0][i] == 0.0f) & (block.key[1][i] == 0.0f) & (block.key[2][i] == 0.0f);
         const int32_t left = (least_x + kSubpixels / 2 - 1) >> kSubpixelBits, right = (most_x - kSubpixels / 2) >> kSubpixelBits;
         const int32_t top = (least_y + kSubpixels / 2 - 1) >> kSubpixelBits, bottom = (most_y - kSubpixels / 2) >> kSubpixelBits;
         // By the whole triangle: its kind decides how its keys are rounded.
@@ -54,10 +55,11 @@ inline void sort(const MeshGeometry& geometry, const MeshTarget& target, Triangl
         block.right[i] = least(right, width - 1);
         block.top[i] = most(top, first_row);
         block.bottom[i] = least(bottom, end_row - 1);
-        const bool seen = (block.left[i] <= block.right[i]) & (block.top[i] <= block.bottom[i]);
+        const bool seen = (most(left, 0) <= least(right, width - 1)) & (most(top, first_row) <= least(bottom, end_row - 1));
         const bool is_small = (columns <= kSmallSide) & (rows <= kSmallSide) & (columns * rows <= kSmallPx);
         const TriangleKind kind = is_small ? TriangleKind::small : TriangleKind::large;
-        block.kinds[i] = behind ? TriangleKind::nothing : unsnapped ? TriangleKind::unsnapped : seen ? kind : TriangleKind::nothing;
+        const TriangleKind snapped = seen ? kind : TriangleKind::nothing, any = unsnapped ? TriangleKind::unsnapped : snapped;
+        block.kinds[i] = behind ? TriangleKind::nothing : any;
     }
 }
 

@@ -24,7 +24,7 @@ struct MeshGeometry {
     const ProjectedVertex* vertices;
 };
 
-enum class TriangleKind : uint8_t {
+enum class TriangleKind : int32_t {
     nothing,    // covers no pixel of the target
     small,      // kSmallPx pixels or less, and their words are to be raised
     large,
