@@ -1,5 +1,6 @@
 #include "core/surface/cell_interior.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -18,6 +19,25 @@ void add_root(double a, double b, std::array<double, kMostEvents + 2>& heights, 
     heights[size_t(count++)] = a / (a - b);
 }
 
+// Whether the trilinear function may have a saddle in the cell. Without one its surfaces run as they begin on the faces.
+// With X = x + g / h, Y = y + f / h, Z = z + e / h the function is h XYZ + p X + q Y + r Z and a constant, so that h YZ = -p, h XZ = -q and
+// h XY = -r at its saddles.
+bool may_have_saddle(const CellValues& v) {
+    const double b = v[1] - v[0], c = v[2] - v[0], d = v[4] - v[0];
+    const double e = v[3] - v[2] - b, f = v[5] - v[4] - b, g = v[6] - v[4] - c;
+    const double h = v[7] - v[6] - v[5] + v[4] - e;
+    constexpr double kNoCube = 1e-9, kMargin = 1e-6;  // of a saddle's place: more than its rounding where h is not less than that
+    if (std::abs(h) <= kNoCube * std::max({std::abs(e), std::abs(f), std::abs(g)})) return true;
+    const double p = b - e * f / h, q = c - e * g / h, r = d - f * g / h;
+    const double square = -q * r / (p * h);
+    if (square < 0.0) return false;
+    const double x = std::sqrt(square);
+    const auto within = [](double place) { return !(place < -kMargin || place > 1.0 + kMargin); };  // true for what is not a number
+    for (const double side : {x, -x})
+        if (within(side - g / h) && within(-r / (h * side) - f / h) && within(-q / (h * side) - e / h)) return true;
+    return false;
+}
+
 }  // namespace
 
 std::array<uint8_t, 8> join_corners_within(const CellValues& values, unsigned cell_case) {
@@ -34,6 +54,8 @@ std::array<uint8_t, 8> join_corners_within(const CellValues& values, unsigned ce
         rise[i] = values[kRound[i] + 4] - low[i];
         if (!std::isfinite(low[i]) || !std::isfinite(rise[i])) return labels();
     }
+
+    if (!may_have_saddle(values)) return labels();
 
     std::array<double, kMostEvents + 2> heights;
     int count = 0;

@@ -7,7 +7,8 @@
 
 namespace strata {
 
-/// Which corners of a cell are joined through it where its trilinear function has the corners' sign.
+/// Which corners of a cell are joined through it where its trilinear function has the corners' sign. Where the function has no saddle in the
+/// cell, what its faces join is all that is joined, and need not be told.
 /// values     of the corners, less the isovalue; inside is positive or 0
 /// cell_case  which corners are inside
 /// returns    [8] the least corner that is joined to this one, itself or another; nothing is joined where a value is not finite
