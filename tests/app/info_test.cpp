@@ -194,13 +194,14 @@ TEST_F(InfoCommand, ExactMeasuresSurfacesOfMeshes) {
     const json open = json::parse(run_strata({"info", "--exact", "--json", path}).out);
     EXPECT_EQ(open["boundary_edges"], 3);
     EXPECT_TRUE(open["volume"].is_null());
-    // 40 x 40 vertices: some 90 kB to be read, and edges beside that to be measured.
+    // 40 x 40 vertices and 3118 triangles: 76 kB to be read, as the header counts both, and 40 bytes a vertex beside that to be measured.
     std::ofstream grid(path);
-    for (int i = 0; i < 1600; ++i) grid << "v " << i % 40 << ' ' << i / 40 << " 0\n";
-    for (int i = 1; i < 1560; ++i) grid << "f " << i << ' ' << i + 1 << ' ' << i + 41 << "\nf " << i << ' ' << i + 41 << ' ' << i + 40 << '\n';
+    grid << "ply\nformat ascii 1.0\nelement vertex 1600\nproperty float x\nproperty float y\nproperty float z\nelement face 3118\nproperty list uchar int vertex_indices\nend_header\n";
+    for (int i = 0; i < 1600; ++i) grid << i % 40 << ' ' << i / 40 << " 0\n";
+    for (int i = 0; i < 1559; ++i) grid << "3 " << i << ' ' << i + 1 << ' ' << i + 41 << "\n3 " << i << ' ' << i + 41 << ' ' << i + 40 << '\n';
     grid.close();
-    EXPECT_EQ(run_strata({"info", "--memory", "100000", path}).exit_code, 0);
-    const ProgramResult capped = run_strata({"info", "--exact", "--memory", "100000", path});
+    EXPECT_EQ(run_strata({"info", "--memory", "120000", path}).exit_code, 0);
+    const ProgramResult capped = run_strata({"info", "--exact", "--memory", "120000", path});
     EXPECT_EQ(capped.exit_code, 1);
     EXPECT_NE(capped.err.find("to be measured"), std::string::npos) << capped.err;
 }
