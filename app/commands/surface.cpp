@@ -32,6 +32,7 @@ constexpr OptionRow kRows[] = {
     {"--close", "", "", "", "close the surface where it meets the boundary of the volume"},
     {"--normals", "-n", "", "", "normals of vertices, from the gradient of the values; of cubes those of faces, which then share vertices only where they look the same way"},
     {"--voxel-size", "-s", "UNITS", "", "side of the voxels to make of points or a mesh, CRS units; of a .svo file the coarsest cells that are no larger"},
+    {"--radius", "", "UNITS", "", "of points: the surface around balls of this radius, closed whatever the points are; samples lie --voxel-size apart, half the radius if not given"},
     {"--error", "-e", "VOXELS", "", "of a .svo file: the coarsest cells whose cubes lie within so many voxels of the finest"},
     {"--quads", "", "", "", "of cubes: each rectangle with four corners of its own, not cut where others meet it; pixels between rectangles may stay open"},
     {"--transparent", "", "LIST", "", "of cubes: colors that can be seen through, as RRGGBB:OPACITY with commas, opacity 0 to 254; what lies behind them keeps its faces"},
@@ -131,6 +132,7 @@ SurfaceRequest request_of(const Options& options, const std::string& folder) {
         request.inside = side == "above" ? ContourInside::above : ContourInside::below;
     }
     if (options.given("--voxel-size")) request.voxel_size = positive(options, "--voxel-size");
+    if (options.given("--radius")) request.radius = positive(options, "--radius");
     if (options.given("--error")) {
         request.error = options.number("--error");
         if (*request.error < 0.0) throw Error(ErrorKind::usage, "--error: expected a number of voxels, 0 or more, got '" + options.text("--error") + "'");

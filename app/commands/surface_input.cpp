@@ -5,14 +5,18 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "app/commands/isovalues.h"
 #include "app/commands/voxel_input.h"
+#include "app/quantity_text.h"
+#include "core/cloud/cloud_statistics.h"
 #include "core/error.h"
 #include "core/surface/coverage_field.h"
 #include "core/surface/cube_surface.h"
+#include "core/surface/point_balls.h"
 #include "core/voxel/voxel_bounds.h"
 #include "core/voxel/voxel_tree_builder.h"
 #include "io/format.h"
@@ -289,6 +293,56 @@ private:
     SurfaceVoxels voxels_;
 };
 
+/// Balls around points.
+class BallsInput : public ContourInput {
+public:
+    BallsInput(std::span<const std::string> words, const SurfaceRequest& request)
+        : ContourInput(request, ContourInside::below), request_(request), source_(open_points(point_files(words))), step_(request.voxel_size.value_or(*request.radius / 2.0)) {
+        for (const auto& [given, flag] : {std::pair(!request.isovalues.empty(), "--iso"), std::pair(request.inside.has_value(), "--inside"), std::pair(request.error.has_value(), "--error")})
+            if (given) throw Error(ErrorKind::usage, std::string(flag) + " is not for balls around points");
+        settings_.isovalues = {0.0};
+        settings_.memory_bytes = request.memory_bytes / 2;
+        const CloudInfo& info = source_->info();
+        notes = info.notes;
+        if (info.points == 0) throw Error(ErrorKind::malformed, words[0] + ": no points to make a surface of");
+        points_box_ = info.bounds.empty() || !info.bounds.min.allFinite() || !info.bounds.max.allFinite() ? measured() : info.bounds;
+    }
+
+    Box3d bounds() const override {
+        Box3d box = points_box_;
+        box.min -= Vec3d::Constant(*request_.radius);
+        box.max += Vec3d::Constant(*request_.radius);
+        return box;
+    }
+    double edge() const override { return step_; }
+    void extract(SurfaceSink& out, ProgressLine& progress) override {
+        std::mutex mutex;
+        uint64_t done = 0;
+        PointBallsSettings settings = {.spacing = step_, .radius = *request_.radius, .threads = request_.threads, .memory_bytes = request_.memory_bytes / 2, .scratch = request_.scratch};
+        settings.on_points = [&](uint64_t points) {
+            const std::lock_guard lock(mutex);
+            progress.update("surface", done += points, source_->info().points);
+        };
+        auto field = std::make_unique<PointBalls>(*source_, points_box_, settings);
+        if (field->outside() > 0) {
+            notes.push_back("the header's bounds leave " + with_commas(field->outside()) + " points out; those of the points are taken");
+            field.reset();
+            done = 0;
+            field = std::make_unique<PointBalls>(*source_, measured(), settings);
+        }
+        const ContourReport found = contour_bricks(*field, settings_, out);
+        say_what_was_found(found, found.least, found.greatest);
+    }
+
+private:
+    Box3d measured() const { return measure_cloud(*source_, request_.threads).bounds; }
+
+    SurfaceRequest request_;
+    std::unique_ptr<PointSource> source_;
+    double step_;
+    Box3d points_box_;
+};
+
 std::unique_ptr<SurfaceInput> surface_of_voxels(SurfaceVoxels voxels, SurfaceMethod method, const SurfaceRequest& request) {
     if (method == SurfaceMethod::cubes) return std::make_unique<CubesInput>(std::move(voxels), request);
     return std::make_unique<CoverageInput>(std::move(voxels), request);
@@ -313,11 +367,17 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         const FormatKind kind = identify_format(word).kind;
         if (words.size() > 1 && kind != FormatKind::points && kind != FormatKind::layered)
             throw Error(ErrorKind::usage, word + ": one volume, grid, mesh or voxel file at a time is expected; only points may come in several files");
+        if (request.radius && kind != FormatKind::points && kind != FormatKind::layered)
+            throw Error(ErrorKind::usage, "--radius is not for " + std::string(kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : "values on a grid") + "; it is for points");
         if (kind == FormatKind::volume) return std::make_unique<VolumeInput>(word, request);
         if (kind == FormatKind::voxels) return surface_of_file(word, request.method.value_or(SurfaceMethod::cubes), request);
         if (kind == FormatKind::grids && !cubes) return std::make_unique<GridInput>(word, request);
     }
-    if (!request.method) throw Error(ErrorKind::usage, path + ": of points and meshes --method cubes or marching-cubes with --voxel-size makes a surface");
+    if (request.radius) {
+        if (cubes) throw Error(ErrorKind::usage, "--radius makes a surface of balls, --method cubes one of voxels");
+        return std::make_unique<BallsInput>(words, request);
+    }
+    if (!request.method) throw Error(ErrorKind::usage, path + ": of points and meshes --method cubes or marching-cubes with --voxel-size makes a surface, of points also --radius");
     return surface_of_voxels(make_voxels(words, one && identify_format(path).kind == FormatKind::grids, request), *request.method, request);
 }
 

@@ -28,6 +28,7 @@ struct SurfaceRequest {
     std::optional<ContourInside> inside;       // likewise
     bool close = false, normals = false;
     std::optional<double> voxel_size, error;   // of cells of voxels: world units; in voxels
+    std::optional<double> radius;              // of balls around points; world units
     bool quads = false;                        // of cubes: rectangles as they are
     std::vector<std::pair<VoxelColor, uint8_t>> transparent;  // of cubes: colors that can be seen through, and their opacities
     std::string grid;                          // of a .vdb file; empty: the first

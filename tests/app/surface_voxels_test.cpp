@@ -1,8 +1,9 @@
-// strata surface of voxels, by the real program: what marching cubes makes of them, and faces of cubes in other ways than closed.
+// strata surface of voxels and points, by the real program: what marching cubes makes of them, and faces of cubes in other ways than closed.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -123,6 +124,36 @@ TEST_F(SurfaceOfVoxels, ColorsThatCanBeSeenThrough) {
     for (const char* const list : {"", "00ff00", "00ff00:255", "00ff0:9", "00ff00:9,", "00fg00:9", "00ff00:x"})
         refuse({in, "--method", "cubes", "--voxel-size", "1", "--transparent", list}, expected);
     refuse({ball(), "--transparent", "00ff00:9"}, "the voxels have no colors");
+}
+
+// Four points in a row, a unit apart: four balls, or one body.
+TEST_F(SurfaceOfVoxels, BallsAroundPoints) {
+    const std::string in = row();
+    const json apart = surface({in, "-o", file("apart.ply"), "--radius", "0.45", "--voxel-size", "0.1"});
+    EXPECT_EQ(apart["components"], 4);
+    EXPECT_EQ(apart["euler_characteristic"], 8);
+    EXPECT_EQ(apart["boundary_edges"], 0);
+    EXPECT_NEAR(apart["volume"].get<double>() / (4 * 4.0 / 3.0 * pi * 0.45 * 0.45 * 0.45), 1.0, 0.03);
+    const json one = surface({in, "-o", file("one.ply"), "--radius", "0.7"});
+    EXPECT_EQ(one["components"], 1);
+    EXPECT_EQ(one["euler_characteristic"], 2);
+    refuse({in, "--radius", "0.5", "--method", "cubes"}, "--radius makes a surface of balls");
+    refuse({in, "--radius", "0.5", "--iso", "1"}, "--iso is not for balls around points");
+    refuse({in, "--radius", "0.5", "--voxel-size", "2"}, "from 1 to 6 spacings");
+    refuse({in, "--radius", "-1"}, "--radius: expected a positive number");
+    refuse({ball(), "--radius", "1"}, "--radius is not for voxels");
+}
+
+TEST_F(SurfaceOfVoxels, BallsAreTheSameWhateverTheMemoryAndThreads) {
+    const std::string in = STRATA_SOURCE_DIR "/sample_data/village.las";
+    const auto bytes = [&](const std::string& name) {
+        std::ifstream in_file(file(name), std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(in_file), {});
+    };
+    surface({in, "-o", file("much.ply"), "--radius", "2", "--threads", "1"});
+    surface({in, "-o", file("little.ply"), "--radius", "2", "--threads", "3", "--memory", "48M"});
+    EXPECT_GT(bytes("much.ply").size(), 1'000'000u);
+    EXPECT_TRUE(bytes("much.ply") == bytes("little.ply"));
 }
 
 }  // namespace

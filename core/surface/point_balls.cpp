@@ -1,0 +1,195 @@
+#include "core/surface/point_balls.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <numeric>
+#include <string>
+
+#include "core/error.h"
+#include "core/parallel.h"
+
+namespace strata {
+namespace {
+
+constexpr double kUnits = 1024.0;     // of a spacing: the places of centers
+constexpr double kBand = 2.0;         // spacings
+constexpr double kMostRadius = 6.0;   // spacings, so that a ball reaches no farther than into the next layer
+constexpr size_t kBlockBytes = 6144;  // small, as each layer keeps one that is not full
+
+struct Record {
+    uint64_t key;  // layer << 4, as RecordBuckets has codes
+    std::array<int32_t, 3> center;
+    int32_t unused = 0;  // no byte of a record is undefined
+};
+
+int32_t brick_of(float place) { return int32_t(std::floor(place)) >> 3; }
+
+}  // namespace
+
+PointBalls::PointBalls(const PointSource& points, const Box3d& bounds, const PointBallsSettings& settings)
+    : settings_(settings),
+      reach_(float(settings.radius / settings.spacing + kBand)),
+      pool_(kBlockBytes, settings.scratch != nullptr ? std::max<uint64_t>(settings.memory_bytes / 2 / kBlockBytes, 1) : ~uint64_t{0}),
+      scratch_(settings.scratch) {
+    const double steps = settings.radius / settings.spacing;
+    if (!(settings.spacing > 0.0 && steps >= 1.0 && steps <= kMostRadius))
+        throw Error(ErrorKind::usage, "the radius of balls is from 1 to 6 spacings of samples");
+    const double side = kFieldBrickSide * settings.spacing;
+    uint64_t layers = 1;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double first = std::floor((bounds.min[axis] - reach_ * settings.spacing) / side) - 1.0;
+        const double last = std::floor((bounds.max[axis] + reach_ * settings.spacing) / side) + 1.0;
+        if (!(last - first < double(1 << 15)))
+            throw Error(ErrorKind::limit, "more than 2^18 samples along an axis; a larger --voxel-size has fewer");
+        placement_.origin[axis] = first * side;
+        if (axis == 2) layers = uint64_t(last - first) + 1;
+    }
+    placement_.axes = settings.spacing * Mat3d::Identity();
+    std::vector<uint64_t> first_codes(layers);
+    std::iota(first_codes.begin(), first_codes.end(), uint64_t{0});
+    buckets_ = std::make_unique<RecordBuckets>(std::move(first_codes), sizeof(Record), pool_, scratch_);
+    distribute(points);
+}
+
+PointBalls::~PointBalls() = default;
+
+float PointBalls::background() const { return float(kBand * settings_.spacing); }
+
+void PointBalls::distribute(const PointSource& points) {
+    const Quantization& quantization = points.info().quantization;
+    const double limit = double(buckets_->size()) * kFieldBrickSide * kUnits;
+    std::atomic<uint64_t> next = 0, outside = 0;
+    std::atomic<bool> failed = false;
+    parallel_workers(settings_.threads, [&](int) {
+        try {
+            PointBatch batch;
+            std::vector<Record> records;
+            for (uint64_t index; !failed && (index = next++) < points.batch_count();) {
+                points.read_batch(index, {}, batch);
+                records.clear();
+                for (size_t i = 0; i < batch.size; ++i) {
+                    const Vec3d p = (quantization.world_from_quanta({batch.x[i], batch.y[i], batch.z[i]}) - placement_.origin) /
+                                    settings_.spacing * kUnits;
+                    // One brick on each side is kept free for reach.
+                    if (!(p.minCoeff() >= 0.0 && p.maxCoeff() < double(1 << 28) && p.z() < limit)) {
+                        ++outside;
+                        continue;
+                    }
+                    const std::array<int32_t, 3> center = {int32_t(std::lround(p.x())), int32_t(std::lround(p.y())),
+                                                           int32_t(std::lround(p.z()))};
+                    records.push_back({.key = uint64_t(center[2]) / uint64_t(kFieldBrickSide * kUnits) << 4, .center = center});
+                }
+                std::sort(records.begin(), records.end(), [](const Record& a, const Record& b) { return a.key < b.key; });
+                buckets_->add(std::as_bytes(std::span(records)));
+                if (settings_.on_points) settings_.on_points(batch.size);
+            }
+        } catch (...) {
+            failed = true;
+            throw;
+        }
+    });
+    outside_ = outside;
+}
+
+void PointBalls::load(size_t layer) {
+    std::vector<Center>& centers = near_[layer % 3];
+    centers.clear();
+    if (layer >= buckets_->size()) return;
+    buckets_->take(layer, [&](std::span<const std::byte> bytes) {
+        for (size_t at = 0; at < bytes.size(); at += sizeof(Record)) {
+            Record record;
+            std::memcpy(&record, bytes.data() + at, sizeof record);
+            centers.push_back(record.center);
+        }
+    });
+}
+
+bool PointBalls::next_layer(FieldBrickLayer& out) {
+    for (; next_ < buckets_->size(); ++next_) {
+        if (next_ == 0) load(0);
+        load(next_ + 1);
+        if (near_[0].empty() && near_[1].empty() && near_[2].empty()) continue;
+        out.k = int32_t(next_) * kFieldBrickSide;
+        out.corners.clear();
+        out.values.clear();
+        fill(out);
+        if (out.corners.empty()) continue;
+        ++next_;
+        return true;
+    }
+    return false;
+}
+
+// The bricks of the layer that balls reach into, and the nearest center to each of their samples.
+void PointBalls::fill(FieldBrickLayer& out) {
+    struct Part {
+        uint64_t brick;  // j above i
+        std::array<float, 3> center;
+    };
+    std::vector<Part> parts;
+    const float low = float(out.k) - reach_, high = float(out.k + kFieldBrickSide - 1) + reach_;
+    for (const std::vector<Center>& centers : near_)
+        for (const Center& center : centers) {
+            const std::array<float, 3> c = {float(center[0] / kUnits), float(center[1] / kUnits), float(center[2] / kUnits)};
+            if (c[2] < low || c[2] > high) continue;
+            for (int32_t j = brick_of(c[1] - reach_); j <= brick_of(c[1] + reach_); ++j)
+                for (int32_t i = brick_of(c[0] - reach_); i <= brick_of(c[0] + reach_); ++i)
+                    parts.push_back({uint64_t(uint32_t(j)) << 32 | uint32_t(i), c});
+            if (parts.size() * sizeof(Part) > settings_.memory_bytes)
+                throw Error(
+                    ErrorKind::limit,
+                    "the balls of one layer of bricks do not fit under --memory; a larger --voxel-size, or fewer points, need less");
+        }
+    std::sort(parts.begin(), parts.end(), [](const Part& a, const Part& b) { return a.brick < b.brick; });
+    std::vector<size_t> begins;
+    for (size_t i = 0; i < parts.size(); ++i)
+        if (i == 0 || parts[i].brick != parts[i - 1].brick) begins.push_back(i);
+    begins.push_back(parts.size());
+    const size_t bricks = begins.size() - 1;
+    if (bricks * kFieldBrickSamples * sizeof(float) > settings_.memory_bytes)
+        throw Error(ErrorKind::limit, "one layer of bricks needs " + std::to_string(bricks * kFieldBrickSamples * sizeof(float)) +
+                                          " bytes of memory, " + std::to_string(settings_.memory_bytes) +
+                                          " are allowed; --memory gives more, a larger --voxel-size needs less");
+    out.values.resize(bricks * kFieldBrickSamples);
+    std::vector<uint8_t> reached(bricks);
+    const float radius = float(settings_.radius / settings_.spacing), most_square = reach_ * reach_, spacing = float(settings_.spacing);
+    parallel_blocks(settings_.threads, bricks, 16, [&](size_t begin, size_t end) {
+        for (size_t b = begin; b < end; ++b) {
+            float* const squares = out.values.data() + b * kFieldBrickSamples;
+            std::fill_n(squares, kFieldBrickSamples, most_square);
+            const uint64_t brick = parts[begins[b]].brick;
+            const float first_i = float(8 * int32_t(uint32_t(brick))), first_j = float(8 * int32_t(uint32_t(brick >> 32)));
+            for (size_t n = begins[b]; n < begins[b + 1]; ++n) {
+                const std::array<float, 3>& c = parts[n].center;
+                float across[8];
+                for (int x = 0; x < 8; ++x) across[x] = (first_i + float(x) - c[0]) * (first_i + float(x) - c[0]);
+                for (int z = 0; z < 8; ++z)
+                    for (int y = 0; y < 8; ++y) {
+                        const float dy = first_j + float(y) - c[1], dz = float(out.k + z) - c[2], rest = dy * dy + dz * dz;
+                        if (rest >= most_square) continue;
+                        float* const row = squares + (z << 6 | y << 3);
+                        for (int x = 0; x < 8; ++x) row[x] = std::min(row[x], rest + across[x]);
+                    }
+            }
+            for (int n = 0; n < kFieldBrickSamples; ++n) {
+                reached[b] |= squares[n] < most_square;
+                squares[n] = spacing * std::clamp(std::sqrt(squares[n]) - radius, -float(kBand), float(kBand));
+            }
+        }
+    });
+    // Those that no ball reaches after all are background.
+    size_t kept = 0;
+    for (size_t b = 0; b < bricks; ++b) {
+        if (reached[b] == 0) continue;
+        const uint64_t brick = parts[begins[b]].brick;
+        out.corners.push_back({8 * int32_t(uint32_t(brick)), 8 * int32_t(uint32_t(brick >> 32))});
+        if (kept != b)
+            std::copy_n(out.values.data() + b * kFieldBrickSamples, kFieldBrickSamples, out.values.data() + kept * kFieldBrickSamples);
+        ++kept;
+    }
+    out.values.resize(kept * kFieldBrickSamples);
+}
+
+}  // namespace strata
