@@ -114,7 +114,7 @@ OpenedField open_field(const Options& options, const std::string& path, uint64_t
         }
     } catch (const Error& error) {
         if (error.kind != ErrorKind::limit) throw;
-        throw error.within(path);
+        throw Error(ErrorKind::limit, path + ": " + error.what() + "; --memory gives more room for it");
     }
     for (const double isovalue : isovalues) {
         opened.levels.push_back({isovalue, inside});

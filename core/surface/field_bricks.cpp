@@ -21,10 +21,11 @@ Box3d box_of_samples(const GridPlacement& placement, const Vec3d& least, const V
 }  // namespace
 
 void FieldBricks::allow(uint64_t bricks, uint64_t stored, uint64_t memory_bytes) const {
-    const uint64_t needed = bricks * (sizeof(uint32_t) + sizeof(float) + sizeof(FieldRange)) + stored * (kFieldBrickSamples * sizeof(float) + 8 * sizeof(FieldRange));
+    const uint64_t needed = bricks * (sizeof(uint32_t) + sizeof(float) + sizeof(FieldRange)) +
+                            stored * (kFieldBrickSamples * sizeof(float) + 8 * sizeof(FieldRange));
     if (needed > memory_bytes)
-        throw Error(ErrorKind::limit, "the field needs " + std::to_string(needed) + " bytes of memory, " + std::to_string(memory_bytes) +
-                                          " are allowed; --memory gives more");
+        throw Error(ErrorKind::limit,
+                    "the field needs " + std::to_string(needed) + " bytes of memory, " + std::to_string(memory_bytes) + " are allowed");
 }
 
 uint64_t FieldBricks::size_bytes() const {
@@ -141,6 +142,9 @@ FieldBricks FieldBricks::of_bricks(FieldBrickSource& source, uint64_t memory_byt
     while (source.next_layer(layer)) {
         for (const auto& [i, j] : layer.corners) {
             const std::array<int32_t, 3> corner = {i, j, layer.k};
+            for (const int32_t place : corner)
+                if (std::abs(int64_t{place}) > 1 << 30)
+                    throw Error(ErrorKind::limit, "bricks of the field lie more than 2^30 samples from its origin");
             for (size_t axis = 0; axis < 3; ++axis) {
                 least[axis] = corners.empty() ? corner[axis] : std::min(least[axis], corner[axis]);
                 greatest[axis] = corners.empty() ? corner[axis] : std::max(greatest[axis], corner[axis]);
@@ -168,13 +172,15 @@ FieldBricks FieldBricks::of_bricks(FieldBrickSource& source, uint64_t memory_byt
     field.numbers_.assign(bricks, kNone);
     field.absent_.assign(bricks, std::numeric_limits<float>::quiet_NaN());
     const auto place = [&](size_t number, size_t axis) { return (corners[number][axis] - least[axis]) / 8 + 1; };
-    for (size_t number = 0; number < corners.size(); ++number) field.numbers_[field.brick_index(place(number, 0), place(number, 1), place(number, 2))] = uint32_t(number);
+    for (size_t number = 0; number < corners.size(); ++number)
+        field.numbers_[field.brick_index(place(number, 0), place(number, 1), place(number, 2))] = uint32_t(number);
     for (size_t number = 0; number < corners.size(); ++number)
         for (int32_t n = 0; n < 27; ++n) {
             const std::array<int32_t, 3> away = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
             const size_t index = field.brick_index(place(number, 0) + away[0], place(number, 1) + away[1], place(number, 2) + away[2]);
             if (field.numbers_[index] != kNone || !std::isnan(field.absent_[index])) continue;
-            field.absent_[index] = source.absent_value({corners[number][0] + 8 * away[0], corners[number][1] + 8 * away[1], corners[number][2] + 8 * away[2]});
+            field.absent_[index] =
+                source.absent_value({corners[number][0] + 8 * away[0], corners[number][1] + 8 * away[1], corners[number][2] + 8 * away[2]});
         }
     field.find_ranges(threads);
     return field;

@@ -11,17 +11,20 @@
 
 namespace strata {
 
-/// The least and the greatest of some values; of none: least > greatest.
+/// The least and the greatest of some values, and whether some are missing; of none: least > greatest.
 struct FieldRange {
     float least = std::numeric_limits<float>::infinity(), greatest = -std::numeric_limits<float>::infinity();
+    bool has_missing = false;  // NaN
 
-    void add(float value) {  // NaN adds nothing
+    void add(float value) {
         if (value < least) least = value;
         if (value > greatest) greatest = value;
+        has_missing |= value != value;
     }
     void add(const FieldRange& other) {
         if (other.least < least) least = other.least;
         if (other.greatest > greatest) greatest = other.greatest;
+        has_missing |= other.has_missing;
     }
 };
 
@@ -30,7 +33,7 @@ struct FieldRange {
 class FieldBricks {
 public:
     /// throws  Error{limit}: more memory than allowed is needed; what the source throws
-    /// cost    4 bytes a sample, 64 a brick that is stored and 16 a brick
+    /// cost    4 bytes a sample, 96 a brick that is stored and 20 a brick
     static FieldBricks of_slices(SliceSource& source, uint64_t memory_bytes, int threads);
     /// Empty where there are no bricks.
     static FieldBricks of_bricks(FieldBrickSource& source, uint64_t memory_bytes, int threads);
@@ -47,11 +50,13 @@ public:
 
     /// A sample; NaN beyond the field, and in a sparse one away from its bricks, where no surface can be.
     float sample(int32_t i, int32_t j, int32_t k) const {
-        if ((uint32_t(i) >> 3) >= uint32_t(bricks_[0]) || (uint32_t(j) >> 3) >= uint32_t(bricks_[1]) || (uint32_t(k) >> 3) >= uint32_t(bricks_[2]))
+        if ((uint32_t(i) >> 3) >= uint32_t(bricks_[0]) || (uint32_t(j) >> 3) >= uint32_t(bricks_[1]) ||
+            (uint32_t(k) >> 3) >= uint32_t(bricks_[2]))
             return std::numeric_limits<float>::quiet_NaN();
         const size_t index = brick_index(i >> 3, j >> 3, k >> 3);
         const uint32_t number = numbers_[index];
-        return number == kNone ? absent_[index] : values_[size_t{number} * kFieldBrickSamples + size_t((k & 7) << 6 | (j & 7) << 3 | (i & 7))];
+        return number == kNone ? absent_[index]
+                               : values_[size_t{number} * kFieldBrickSamples + size_t((k & 7) << 6 | (j & 7) << 3 | (i & 7))];
     }
     /// The corners of a cell, i fastest, then j.
     std::array<float, 8> corners(const std::array<int32_t, 3>& cell) const;
@@ -81,9 +86,9 @@ private:
 
     GridPlacement placement_;
     std::array<int32_t, 3> bricks_ = {0, 0, 0};
-    std::vector<uint32_t> numbers_;  // [bricks] of the stored brick there
-    std::vector<float> values_;      // [stored bricks * 512] i fastest, then j
-    std::vector<float> absent_;      // [bricks] of a sparse field: the value of those that are not stored
+    std::vector<uint32_t> numbers_;          // [bricks] of the stored brick there
+    std::vector<float> values_;              // [stored bricks * 512] i fastest, then j
+    std::vector<float> absent_;              // [bricks] of a sparse field: the value of those that are not stored
     std::vector<FieldRange> octant_ranges_;  // [stored bricks * 8]
     std::vector<FieldRange> ranges_, wide_ranges_;
     FieldRange range_;

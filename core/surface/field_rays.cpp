@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "core/surface/field_slope.h"
 #include "core/surface/trilinear_root.h"
 #include "core/voxel/ray_walk.h"
 
@@ -68,11 +69,13 @@ public:
 private:
     enum class Side { unknown, outside, inside, both };
 
-    // Where all values of a range are. Samples that are NaN are in none: a cell beside one has no surface, and tells the next one nothing.
+    // Where all values of a range are; unknown: no surface is between them, but some are missing, and a cell beside one that is tells the
+    // next one nothing.
     Side side_of(const FieldRange& range) const {
         if (range.least > range.greatest) return Side::unknown;
         const double low = sign_ > 0.0 ? range.least : -range.greatest, high = sign_ > 0.0 ? range.greatest : -range.least;
-        return low >= threshold_ ? Side::inside : high < threshold_ ? Side::outside : Side::both;
+        if (low < threshold_ && high >= threshold_) return Side::both;
+        return range.has_missing ? Side::unknown : low >= threshold_ ? Side::inside : Side::outside;
     }
     // Through cells on one side; where the ray came from the other, the surface lies on the face between.
     int pass(int shift, Side side, double t, const NodePath& path, FieldHit& hit) {
@@ -168,10 +171,7 @@ Vec3f outward_normal(const FieldBricks& field, const IsoLevel& level, const Fiel
         const auto at = [&](int32_t away) {
             return double(field.sample(x + (axis == 0 ? away : 0), y + (axis == 1 ? away : 0), z + (axis == 2 ? away : 0)));
         };
-        const double before = at(-1), here = at(0), after = at(1);
-        if (!std::isnan(before) && !std::isnan(after)) return 0.5 * (after - before);
-        if (!std::isnan(after)) return after - here;
-        return std::isnan(before) ? 0.0 : here - before;
+        return slope_between(at(-1), at(0), at(1));
     };
     const Vec3d place = ray.origin + hit.t * ray.direction;
     Vec3d part;
@@ -182,9 +182,8 @@ Vec3f outward_normal(const FieldBricks& field, const IsoLevel& level, const Fiel
         const double weight = (x ? part[0] : 1.0 - part[0]) * (y ? part[1] : 1.0 - part[1]) * (z ? part[2] : 1.0 - part[2]);
         for (int axis = 0; axis < 3; ++axis) gradient[axis] += weight * slope(i + x, j + y, k + z, axis);
     }
-    const Vec3d normal = (level.inside == ContourInside::above ? -1.0 : 1.0) * (field.placement().axes.transpose().inverse() * gradient);
-    const double length = normal.norm();
-    return length > 0.0 && std::isfinite(length) ? Vec3f((normal / length).cast<float>()) : Vec3f(Vec3f::Zero());
+    const double outwards = level.inside == ContourInside::above ? -1.0 : 1.0;
+    return unit_normal(outwards * (field.placement().axes.transpose().inverse() * gradient));
 }
 
 }  // namespace strata

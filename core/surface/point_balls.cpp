@@ -42,7 +42,7 @@ PointBalls::PointBalls(const PointSource& points, const Box3d& bounds, const Poi
         const double first = std::floor((bounds.min[axis] - reach_ * settings.spacing) / side) - 1.0;
         const double last = std::floor((bounds.max[axis] + reach_ * settings.spacing) / side) + 1.0;
         if (!(last - first < double(1 << 15)))
-            throw Error(ErrorKind::limit, "more than 2^18 samples along an axis; a larger --voxel-size has fewer");
+            throw Error(ErrorKind::limit, "more than 2^18 samples along an axis; a larger spacing has fewer");
         placement_.origin[axis] = first * side;
         if (axis == 2) layers = uint64_t(last - first) + 1;
     }
@@ -140,7 +140,7 @@ void PointBalls::fill(FieldBrickLayer& out) {
             if (parts.size() * sizeof(Part) > settings_.memory_bytes)
                 throw Error(
                     ErrorKind::limit,
-                    "the balls of one layer of bricks do not fit under --memory; a larger --voxel-size, or fewer points, need less");
+                    "the balls of one layer of bricks need more than the allowed memory; a larger spacing, or fewer points, need less");
         }
     std::sort(parts.begin(), parts.end(), [](const Part& a, const Part& b) { return a.brick < b.brick; });
     std::vector<size_t> begins;
@@ -151,7 +151,7 @@ void PointBalls::fill(FieldBrickLayer& out) {
     if (bricks * kFieldBrickSamples * sizeof(float) > settings_.memory_bytes)
         throw Error(ErrorKind::limit, "one layer of bricks needs " + std::to_string(bricks * kFieldBrickSamples * sizeof(float)) +
                                           " bytes of memory, " + std::to_string(settings_.memory_bytes) +
-                                          " are allowed; --memory gives more, a larger --voxel-size needs less");
+                                          " are allowed; a larger spacing needs less");
     out.values.resize(bricks * kFieldBrickSamples);
     std::vector<uint8_t> reached(bricks);
     const float radius = float(settings_.radius / settings_.spacing), most_square = reach_ * reach_, spacing = float(settings_.spacing);
