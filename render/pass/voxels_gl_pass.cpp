@@ -9,6 +9,7 @@
 #include <mutex>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/parallel.h"
@@ -205,7 +206,8 @@ void VoxelsGlPass::forget_trees() {
     resources_->held_bytes = 0;
 }
 
-// returns  none: there is no room
+// returns  none: it would not fit into what it may take
+// throws   Error{device}, and holds no part of it: the GPU has no room
 Held* VoxelsGlPass::Resources::hold(const VoxelModel& model, uint64_t cap_bytes) {
     const VoxelTree& tree = *model.tree;
     const auto found = trees.find(&tree);
@@ -221,16 +223,17 @@ Held* VoxelsGlPass::Resources::hold(const VoxelModel& model, uint64_t cap_bytes)
         held_bytes -= trees.begin()->second.bytes;
         trees.erase(trees.begin());
     }
-    Held& held = trees[&tree];
+    Held held;  // not in the map until all of it is there: the GPU may have no room
     bring_nodes(tree, held);
     held.rule = model.colors.rule();
     held.with_normals = needs_normals(model);
     held.bytes = sizes.all;
-    held_bytes += sizes.all;
     if (held.rule == VoxelColors::Rule::rgb) bring(tree, &CellAttributes::colors, held.attributes, held.first_attributes);
     if (held.rule == VoxelColors::Rule::count) bring(tree, &CellAttributes::counts, held.attributes, held.first_attributes);
     if (held.with_normals) bring(tree, &CellAttributes::normals, held.normals, held.first_normals);
-    return &held;
+    Held& kept = trees.emplace(&tree, std::move(held)).first->second;
+    held_bytes += kept.bytes;
+    return &kept;
 }
 
 void VoxelsGlPass::Resources::bring_tables(const VoxelColors& colors, bool pixels_stop) {

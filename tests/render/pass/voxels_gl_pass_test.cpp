@@ -1,5 +1,6 @@
 #include "render/pass/voxels_gl_pass.h"
 
+#include <epoxy/gl.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -256,6 +257,27 @@ TEST_F(VoxelsGl, MemoryIsCapped) {
         draw_voxels(*model, 1, view, cpu);
         EXPECT_LE(compare(cpu, gpu, 2, 0.0).cells, 0.002);
     }
+}
+
+// A tree that the GPU has no room for is not taken for one that is there when it is drawn again. An error that is pending stands in for the lack of room.
+TEST_F(VoxelsGl, ATreeThatFoundNoRoomIsBroughtAgain) {
+    const VoxelTree tree = tree_of(random_boxes(3, 60, 6));
+    const VoxelModel model(tree, VoxelColors(tree, "plain", std::nullopt, {}));
+    Random random(4);
+    const Camera camera = random_camera(random, Projection::perspective, 64, false);
+    const VoxelView view = {camera, kWidth, kHeight, Vec2f::Zero(), 1.0, {}, 2};
+    VoxelsDrawn drawn;
+    GBuffer gbuffer = empty_gbuffer();
+    glEnable(GL_NONE);
+    try {
+        gpu_->draw(model, 1, view, kAmple, gbuffer, drawn);
+        ADD_FAILURE() << "it was drawn";
+    } catch (const Error& error) {
+        EXPECT_EQ(error.kind, ErrorKind::device);
+    }
+    EXPECT_EQ(gbuffer.depths, empty_gbuffer().depths);
+    expect_alike(model, camera, 1.0, {}, "after the failure");
+    EXPECT_GT(covered_, 1000.0);
 }
 
 }  // namespace
