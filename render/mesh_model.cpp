@@ -1,22 +1,14 @@
 #include "render/mesh_model.h"
 
-#include <atomic>
 #include <utility>
 
 #include "core/surface/corner_normals.h"
+#include "render/model_serial.h"
 
 namespace strata {
-namespace {
-
-uint64_t next_serial() {
-    static std::atomic<uint64_t> last = 0;
-    return ++last;
-}
-
-}  // namespace
 
 MeshModel::MeshModel(const TriangleMesh& drawn, MeshColors painted, const MeshStyle& drawn_as, int threads)
-    : mesh(&drawn), colors(std::move(painted)), style(drawn_as), serial(next_serial()) {
+    : mesh(&drawn), colors(std::move(painted)), style(drawn_as), serial(next_model_serial()) {
     for (const std::array<uint32_t, 3>& triangle : drawn.triangles)
         for (const uint32_t vertex : triangle) bounds.extend(drawn.positions[vertex]);
     if (style.shading == MeshShading::smooth) corners = corner_normals(drawn, threads);

@@ -241,12 +241,6 @@ void Renderer::forget_cloud() {
     gl_->points.pass->forget_nodes();
 }
 
-void Renderer::forget_voxels() {
-    if (!gl_ || !gl_->voxels.pass) return;
-    gl_->context.make_current();
-    gl_->voxels.pass->forget_trees();
-}
-
 // Starts GL where a GPU runs it, once. On software GL lighting takes longer than the points.
 void Renderer::start_gl(int threads) {
     if (std::exchange(gl_tried_, true) || gl_ || !may_have_gpu()) return;

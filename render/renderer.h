@@ -89,16 +89,14 @@ public:
 
     /// Draws the scene as the camera sees it and hands out the picture from top to bottom, a strip at a time.
     /// The pixels depend on neither threads nor strips, nor, if it waits, on what is in memory. A node that cannot be read is
-    /// left out, so that its parent shows, and is reported once. The cloud must outlive the renderer or forget_cloud, voxel trees
-    /// the renderer or forget_voxels.
+    /// left out, so that its parent shows, and is reported once. The cloud must outlive the renderer or forget_cloud; all else
+    /// of a scene only the call.
     /// throws  Error{usage} for a camera or size that cannot be, and for surfels of a cloud without normals; for the rasterizer `gpu` Error{device} where there is no GL
     RenderReport render_frame(const Scene& scene, const Camera& camera, const RenderSettings& settings,
                               const std::function<void(const RenderedRows&)>& on_rows);
 
     /// Drops the nodes in memory and stops reading.
     void forget_cloud();
-    /// Drops the voxel trees in the GPU's memory.
-    void forget_voxels();
     /// Bytes of nodes in memory or on their way, and the nodes that were read, of the cloud at hand.
     uint64_t resident_bytes() const { return resident_ ? resident_->cache().used_bytes() : 0; }
     uint64_t nodes_read() const { return resident_ ? resident_->cache().reads_begun() : 0; }

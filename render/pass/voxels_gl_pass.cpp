@@ -193,7 +193,7 @@ struct VoxelsGlPass::Resources {
     Buffer nothing{16};  // bound where a tree has no such thing
     std::optional<Buffer> boxes, pixels;
     std::vector<uint32_t> read;
-    std::map<const VoxelTree*, Held> trees;
+    std::map<uint64_t, Held> trees;  // by serials of models: the oldest first
     uint64_t held_bytes = 0;
     const uint64_t most_buffer_bytes = Buffer::most_storage_bytes();
 };
@@ -201,16 +201,11 @@ struct VoxelsGlPass::Resources {
 VoxelsGlPass::VoxelsGlPass(const EglContext&) : resources_(std::make_unique<Resources>()) {}
 VoxelsGlPass::~VoxelsGlPass() = default;
 
-void VoxelsGlPass::forget_trees() {
-    resources_->trees.clear();
-    resources_->held_bytes = 0;
-}
-
 // returns  none: it would not fit into what it may take
 // throws   Error{device}, and holds no part of it: the GPU has no room
 Held* VoxelsGlPass::Resources::hold(const VoxelModel& model, uint64_t cap_bytes) {
     const VoxelTree& tree = *model.tree;
-    const auto found = trees.find(&tree);
+    const auto found = trees.find(model.serial);
     if (found != trees.end()) {
         Held& held = found->second;
         if (held.rule == model.colors.rule() && held.with_normals >= needs_normals(model)) return &held;
@@ -231,7 +226,7 @@ Held* VoxelsGlPass::Resources::hold(const VoxelModel& model, uint64_t cap_bytes)
     if (held.rule == VoxelColors::Rule::rgb) bring(tree, &CellAttributes::colors, held.attributes, held.first_attributes);
     if (held.rule == VoxelColors::Rule::count) bring(tree, &CellAttributes::counts, held.attributes, held.first_attributes);
     if (held.with_normals) bring(tree, &CellAttributes::normals, held.normals, held.first_normals);
-    Held& kept = trees.emplace(&tree, std::move(held)).first->second;
+    Held& kept = trees.emplace(model.serial, std::move(held)).first->second;
     held_bytes += kept.bytes;
     return &kept;
 }

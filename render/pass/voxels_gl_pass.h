@@ -9,7 +9,8 @@ namespace strata {
 
 class EglContext;
 
-/// Casts rays and lights what they hit with a compute shader: the twin of draw_voxels. Trees stay in the GPU's memory from frame to frame.
+/// Casts rays and lights what they hit with a compute shader: the twin of draw_voxels. Trees stay in the GPU's memory from frame to frame, by the
+/// serials of their models, until others need the room.
 /// The context must be current while this lives.
 class VoxelsGlPass {
 public:
@@ -22,9 +23,6 @@ public:
     /// returns    false where the tree does not fit or cannot be drawn so: nothing was
     /// throws     Error{device}
     bool draw(const VoxelModel& model, uint32_t drawable, const VoxelView& view, uint64_t cap_bytes, GBuffer& out, VoxelsDrawn& drawn);
-
-    /// Drops the trees in the GPU's memory: others may come to lie where they were.
-    void forget_trees();
 
 private:
     struct Resources;

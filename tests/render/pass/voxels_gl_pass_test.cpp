@@ -122,7 +122,7 @@ protected:
     }
     void SetUp() override {
         if (problem_ != nullptr) GTEST_SKIP() << "no EGL with OpenGL 4.5 here: " << *problem_;
-        gpu_->forget_trees();
+        ASSERT_NE(gpu_, nullptr);
     }
 
     // Draws with both. Software GL divides as the CPU does, so rays find the same; lengths and cosines may be rounded otherwise.
@@ -257,6 +257,21 @@ TEST_F(VoxelsGl, MemoryIsCapped) {
         draw_voxels(*model, 1, view, cpu);
         EXPECT_LE(compare(cpu, gpu, 2, 0.0).cells, 0.002);
     }
+}
+
+// A tree that comes to lie where another one was is not taken for it, and a copy of a model that is to be lit otherwise gets its normals.
+TEST_F(VoxelsGl, ModelsAreToldApart) {
+    Random random(6);
+    VoxelTree tree;
+    for (const uint64_t seed : {11, 12, 13}) {
+        tree = painted_tree(3, seed);
+        VoxelModel model(tree, VoxelColors(tree, "plain", std::nullopt, {}));
+        const Camera camera = random_camera(random, Projection::perspective, 64, false);
+        expect_alike(model, camera, 1.0, {}, std::to_string(seed) + " flat");
+        model.shading = VoxelShading::smooth;
+        expect_alike(model, camera, 1.0, {}, std::to_string(seed) + " smooth");
+    }
+    EXPECT_GT(covered_, 5000.0);
 }
 
 // A tree that the GPU has no room for is not taken for one that is there when it is drawn again. An error that is pending stands in for the lack of room.
