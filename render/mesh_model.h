@@ -31,7 +31,8 @@ struct MeshModel {
     uint64_t serial;                // no other model has it but copies of this one
 };
 
-/// Bytes of memory that a model takes with its mesh, and most while it is made; normals: whether the mesh has them
+/// Bytes of memory that a model takes with its mesh, and most while it is made.
+/// shading  smooth ones have normals of corners
 struct MeshModelBytes {
     uint64_t kept, most;
 };

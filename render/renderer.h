@@ -70,7 +70,8 @@ struct RenderReport {
     uint64_t triangles_drawn = 0;  // of the meshes that the picture shows, all of them
     double error_px = 0.0;  // what the picture is off by: from selection, or how large cells look that are coarser than voxels
     BoundBy bound_by = BoundBy::error;
-    Rasterizer rasterizer = Rasterizer::cpu;  // what drew points and voxels: never automatic; cpu where a GPU has no room for voxels
+    Rasterizer rasterizer = Rasterizer::cpu;  // what drew points, voxels and meshes: never automatic; cpu where that drew any of them.
+                                              // Isosurfaces are always the CPU's
     uint64_t uploaded_bytes = 0;  // of points, to the GPU's memory
     std::string gl_renderer;  // empty: no GL was needed
     std::string edl_by;       // what lit the picture: "cpu" or "gl"; empty: nothing did

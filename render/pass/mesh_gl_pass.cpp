@@ -27,12 +27,6 @@ int32_t largest_viewport() {
     return std::min(int32_t(std::bit_floor(uint32_t(std::max(std::min(sides[0], sides[1]), 1)))), kMostViewport);
 }
 
-uint64_t largest_storage() {
-    GLint64 bytes = 0;
-    glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &bytes);
-    return uint64_t(std::max<GLint64>(bytes, 0));
-}
-
 // A framebuffer of words and depths.
 class WordTarget {
 public:
@@ -115,7 +109,7 @@ struct MeshGlPass::Resources {
 
     Program program{"mesh.vert", "mesh.frag"};
     int32_t viewport = largest_viewport();
-    uint64_t most_bytes = largest_storage();
+    uint64_t most_bytes = Buffer::most_storage_bytes();
     GLenum origin = GL_LOWER_LEFT;  // where a window's rows begin, which decides whose the pixels on level edges are
     std::optional<Buffer> vertices, corners;
     uint64_t corners_of = 0;  // serial
