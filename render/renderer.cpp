@@ -192,7 +192,7 @@ struct Renderer::ChosenPoints {
 template <class Pass>
 struct Renderer::GlPass {
     std::optional<Pass> pass;
-    bool refused = false;  // by the driver
+    bool refused = false;  // by the driver, or it failed
 };
 
 // Passes are made when a frame first needs them.
@@ -274,6 +274,25 @@ Pass* Renderer::gpu_pass(GlPass<Pass> Gl::* place, const RenderSettings& setting
     }
 }
 
+// Of a pass that fails nothing is kept: where it stopped is not known. Unless it was asked for the CPU then draws, in this frame and in those to come.
+// draw     whether it took the work; what it drew before it failed can be drawn over
+// returns  false: the CPU has to
+template <class Pass, class Draw>
+bool Renderer::draw_by_gpu(Frame& frame, Pass* Frame::* pass, GlPass<Pass> Gl::* place, const Draw& draw) {
+    try {
+        if (frame.*pass != nullptr && draw(*(frame.*pass))) return true;
+    } catch (const Error& error) {
+        if (error.kind != ErrorKind::device) throw;
+        frame.*pass = nullptr;
+        auto& [made, refused] = (*gl_).*place;
+        made.reset();
+        if (frame.settings.rasterizer == Rasterizer::gpu) throw error.within("the rasterizer gpu");
+        refused = true;
+    }
+    frame.report.rasterizer = Rasterizer::cpu;
+    return false;
+}
+
 // Selects, loads and cuts. used_bytes: of the memory cap, by what is not points
 Renderer::ChosenPoints Renderer::choose_points(Frame& frame, LayeredCloud& cloud, uint64_t used_bytes) {
     auto& [camera, settings, report, watch, gpu_points, gpu_voxels, gpu_meshes, gpu_bytes, meshes_seen] = frame;
@@ -335,11 +354,13 @@ void Renderer::draw_points(Frame& frame, const LayeredCloud& cloud, const Chosen
     PointProjection projection(camera, cloud.info().quantization, settings.width, settings.height);
     projection.center_x -= strip.offset_px.x();
     projection.center_y -= strip.offset_px.y();
-    if (gpu_points != nullptr) {
+    const auto by_gpu = [&](PointsGlPass& gpu) {
         const WordRows words = pass.resize(settings.width, strip.first_row, strip.rows);
         LightSum* const light = settings.splat.shape == SplatShape::gaussian ? pass.resize_sums() : nullptr;
-        gpu_points->draw(words, light, chosen.nodes, projection, settings.splat, gpu_bytes);
-    } else {
+        gpu.draw(words, light, chosen.nodes, projection, settings.splat, gpu_bytes);
+        return true;
+    };
+    if (!draw_by_gpu(frame, &Frame::gpu_points, &Gl::points, by_gpu)) {
         pass.clear(settings.width, strip.first_row, strip.rows, settings.threads);
         watch.lap("clear");
         pass.draw(chosen.nodes, projection, settings.splat, settings.threads);
@@ -357,9 +378,9 @@ void Renderer::draw_voxels(Frame& frame, const Scene& scene, const Strip& strip,
     for (size_t i = 0; i < scene.voxels.size(); ++i) {
         const VoxelModel& model = scene.voxels[i];
         const uint32_t drawable = uint32_t(i) + 1;
-        if (frame.gpu_voxels != nullptr && frame.gpu_voxels->draw(model, drawable, view, frame.gpu_bytes, out, drawn)) continue;
+        const auto by_gpu = [&](VoxelsGlPass& gpu) { return gpu.draw(model, drawable, view, frame.gpu_bytes, out, drawn); };
+        if (draw_by_gpu(frame, &Frame::gpu_voxels, &Gl::voxels, by_gpu)) continue;
         drawn.add(strata::draw_voxels(model, drawable, view, out));
-        frame.report.rasterizer = Rasterizer::cpu;
     }
     frame.report.voxel_depth = std::max(frame.report.voxel_depth, drawn.finest_depth);
     if (drawn.error_px <= frame.report.error_px) return;
@@ -373,9 +394,16 @@ void Renderer::draw_meshes(Frame& frame, const Scene& scene, const Strip& strip,
     for (size_t i = 0; i < scene.meshes.size(); ++i) {
         const TriangleMesh& mesh = *scene.meshes[i].mesh;
         const bool fits = MeshGlPass::gpu_bytes(mesh.positions.size(), mesh.triangles.size()) <= frame.gpu_bytes && settings.clips.empty();
-        if (!fits) frame.report.rasterizer = Rasterizer::cpu;
-        const MeshView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads, settings.up, fits ? frame.gpu_meshes : nullptr};
-        if (buffers_->meshes.draw(scene.meshes[i], uint32_t(1 + scene.voxels.size() + i), view, out)) frame.meshes_seen[i] = true;
+        const auto draw = [&](MeshGlPass* gpu) {
+            const MeshView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads, settings.up, gpu};
+            if (buffers_->meshes.draw(scene.meshes[i], uint32_t(1 + scene.voxels.size() + i), view, out)) frame.meshes_seen[i] = true;
+        };
+        const auto by_gpu = [&](MeshGlPass& gpu) {
+            if (!fits || !gpu.takes(mesh.positions.size(), mesh.triangles.size())) return false;
+            draw(&gpu);
+            return true;
+        };
+        if (!draw_by_gpu(frame, &Frame::gpu_meshes, &Gl::meshes, by_gpu)) draw(nullptr);
     }
 }
 
@@ -503,7 +531,7 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
     for (size_t i = 0; i < frame.meshes_seen.size(); ++i)
         if (frame.meshes_seen[i]) report.triangles_drawn += scene.meshes[i].mesh->triangles.size();
     if (report.points_drawn > 0) ms_per_point_ = (watch.total_ms() - chosen.loaded_ms) / double(report.points_drawn);
-    if (gpu_points != nullptr) report.uploaded_bytes = gpu_points->uploaded_bytes() - uploaded_before;
+    if (frame.gpu_points != nullptr) report.uploaded_bytes = frame.gpu_points->uploaded_bytes() - uploaded_before;
     report.frame_ms = watch.total_ms();
     return report;
 }

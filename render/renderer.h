@@ -25,7 +25,7 @@
 namespace strata {
 
 /// Who rasterizes points and meshes and casts rays to voxels: the two draw the same picture. automatic: shaders where there is a GPU
-/// that takes them, else the CPU
+/// that takes them, else the CPU, which also takes over where the GPU fails: it has no room, say
 enum class Rasterizer { automatic, cpu, gpu };
 
 struct RenderSettings {
@@ -92,7 +92,8 @@ public:
     /// The pixels depend on neither threads nor strips, nor, if it waits, on what is in memory. A node that cannot be read is
     /// left out, so that its parent shows, and is reported once. The cloud must outlive the renderer or forget_cloud; all else
     /// of a scene only the call.
-    /// throws  Error{usage} for a camera or size that cannot be, and for surfels of a cloud without normals; for the rasterizer `gpu` Error{device} where there is no GL
+    /// throws  Error{usage} for a camera or size that cannot be, and for surfels of a cloud without normals; for the rasterizer `gpu` Error{device}
+    ///         where there is no GL or it fails
     RenderReport render_frame(const Scene& scene, const Camera& camera, const RenderSettings& settings,
                               const std::function<void(const RenderedRows&)>& on_rows);
 
@@ -113,6 +114,8 @@ private:
     void start_gl(int threads);
     template <class Pass>
     Pass* gpu_pass(GlPass<Pass> Gl::* place, const RenderSettings& settings);
+    template <class Pass, class Draw>
+    bool draw_by_gpu(Frame& frame, Pass* Frame::* pass, GlPass<Pass> Gl::* place, const Draw& draw);
     ChosenPoints choose_points(Frame& frame, LayeredCloud& cloud, uint64_t used_bytes);
     void draw_points(Frame& frame, const LayeredCloud& cloud, const ChosenPoints& chosen, const Strip& strip, GBuffer& out);
     void draw_voxels(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out);

@@ -1,16 +1,20 @@
 #include "render/renderer.h"
 
+#include <epoxy/gl.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <string>
+#include <vector>
 
 #include "core/error.h"
 #include "core/math/random.h"
 #include "render/named_view.h"
 #include "render/srgb.h"
 #include "tests/support/test_cloud.h"
+#include "tests/support/test_meshes.h"
 #include "tests/support/voxel_cube.h"
 
 namespace strata {
@@ -469,6 +473,90 @@ TEST(Renderer, PointsAndVoxelsMeet) {
             }
     }
 }
+
+// Draws a scene of points, of voxels or of a mesh with a renderer whose OpenGL draws and then, once, fails: an error that is pending stands in for a lack of room.
+class AFailingGpu : public testing::TestWithParam<int> {
+protected:
+    AFailingGpu() : cloud_(hill_cloud()), tree_(tree_of(random_boxes(3, 60, 4))), mesh_(sphere_mesh(Vec3d::Constant(32), 20, 30)) {
+        if (GetParam() == 0) scene_ = Scene(cloud_);
+        if (GetParam() == 1) scene_.voxels.emplace_back(tree_, VoxelColors(tree_, "plain", std::nullopt, {}));
+        if (GetParam() == 2) scene_.meshes.emplace_back(mesh_, MeshColors(mesh_, "plain", std::nullopt, {}));
+        settings_ = settings_of(cloud_);
+        settings_.edl.strength = 0.0f;
+        settings_.tile_rows = 90;
+        const Box3d box = scene_.bounds();
+        camera_.projection = Projection::orthographic;
+        camera_.height = 70;
+        camera_.eye = 0.5 * (box.min + box.max) + Vec3d(0, 0, 100);
+        camera_.near_depth = 1;
+        camera_.far_depth = 200;
+    }
+
+    RenderReport draw(Rasterizer rasterizer) {
+        settings_.rasterizer = rasterizer;
+        colors_.clear();
+        return renderer_.render_frame(scene_, camera_, settings_, [&](const RenderedRows& rows) { colors_.insert(colors_.end(), rows.colors.begin(), rows.colors.end()); });
+    }
+
+    // Colors of voxels may be two steps off.
+    size_t different(const std::vector<Rgba8>& expected) const {
+        size_t count = 0;
+        for (size_t i = 0; i < expected.size(); ++i)
+            for (const auto channel : {red_of, green_of, blue_of})
+                if (std::abs(int(channel(expected[i])) - int(channel(colors_[i]))) > 2) {
+                    ++count;
+                    break;
+                }
+        return count;
+    }
+
+    TestCloud cloud_;
+    VoxelTree tree_;
+    TriangleMesh mesh_;
+    Scene scene_;
+    RenderSettings settings_;
+    Camera camera_;
+    Renderer renderer_;
+    std::vector<Rgba8> colors_;
+};
+
+// Where it was asked for, the frame fails, and the next one that is asked for is whole.
+TEST_P(AFailingGpu, FailsTheFrameThatAskedForIt) {
+    draw(Rasterizer::cpu);
+    const std::vector<Rgba8> expected = colors_;
+    ASSERT_GT(std::count_if(expected.begin(), expected.end(), [&](Rgba8 color) { return color != settings_.background; }), 10000);
+    try {
+        ASSERT_EQ(draw(Rasterizer::gpu).rasterizer, Rasterizer::gpu);
+    } catch (const Error& error) {
+        ASSERT_EQ(error.kind, ErrorKind::device);
+        GTEST_SKIP() << error.what();
+    }
+    glEnable(GL_NONE);
+    try {
+        draw(Rasterizer::gpu);
+        ADD_FAILURE() << "the frame was drawn";
+    } catch (const Error& error) {
+        EXPECT_EQ(error.kind, ErrorKind::device);
+        EXPECT_EQ(std::string(error.what()).find("the rasterizer gpu: "), 0u) << error.what();
+    }
+    EXPECT_EQ(draw(Rasterizer::gpu).rasterizer, Rasterizer::gpu);
+    EXPECT_LE(different(expected), expected.size() / 200);
+}
+
+// Where it was not, the CPU draws this frame and all that follow.
+TEST_P(AFailingGpu, LeavesTheFrameToTheCpu) {
+    draw(Rasterizer::cpu);
+    const std::vector<Rgba8> expected = colors_;
+    if (draw(Rasterizer::automatic).rasterizer != Rasterizer::gpu) GTEST_SKIP() << "no GPU here that draws unless it is asked for";
+    glEnable(GL_NONE);
+    for (int frame = 0; frame < 2; ++frame) {
+        EXPECT_EQ(draw(Rasterizer::automatic).rasterizer, Rasterizer::cpu);
+        EXPECT_LE(different(expected), expected.size() / 200);
+    }
+    EXPECT_EQ(glGetError(), GLenum(GL_NO_ERROR));
+}
+
+INSTANTIATE_TEST_SUITE_P(OfPointsVoxelsAndMeshes, AFailingGpu, testing::Range(0, 3));
 
 // Each part of an id comes back as it was, and none that is made is the one that stands for nothing.
 TEST(PixelId, HoldsItsParts) {
