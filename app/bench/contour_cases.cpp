@@ -59,20 +59,24 @@ struct Measured {
 
 Measured measure(const Shape& shape, uint32_t samples, const BenchSettings& bench) {
     const double cell = 1.0 / (samples - 1);
-    ScalarGrid grid{.placement = {.origin = Vec3d::Zero(), .axes = cell * Mat3d::Identity()}, .size = {samples, samples, samples}, .values = {}};
+    ScalarGrid grid{
+        .placement = {.origin = Vec3d::Zero(), .axes = cell * Mat3d::Identity()}, .size = {samples, samples, samples}, .values = {}};
     grid.values.resize(size_t(grid.samples()));
     parallel_blocks(bench.threads, samples, 1, [&](size_t begin, size_t end) {
         for (size_t k = begin; k < end; ++k)
             for (uint32_t j = 0; j < samples; ++j)
                 for (uint32_t i = 0; i < samples; ++i)
-                    grid.values[(k * samples + j) * samples + i] = float(shape.field(grid.placement.world_from_index({double(i), double(j), double(k)})));
+                    grid.values[(k * samples + j) * samples + i] =
+                        float(shape.field(grid.placement.world_from_index({double(i), double(j), double(k)})));
     });
     Measured measured;
     ContourMesh mesh;
     std::vector<double> times;
     for (int run = 0; run < bench.runs; ++run) {
         const auto start = std::chrono::steady_clock::now();
-        measured.triangles = contour_grid(grid.placement, grid.size, grid.values, {.isovalues = {0.0}, .inside = ContourInside::below, .threads = bench.threads}, mesh).triangles;
+        measured.triangles = contour_grid(grid.placement, grid.size, grid.values,
+                                          {.isovalues = {0.0}, .inside = ContourInside::below, .threads = bench.threads}, mesh)
+                                 .triangles;
         times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
     }
     std::sort(times.begin(), times.end());
@@ -92,12 +96,23 @@ Measured measure(const Shape& shape, uint32_t samples, const BenchSettings& benc
 std::optional<BenchSection> run_contour_cases(BenchScene&, const BenchSettings& bench) {
     BenchSection section{.name = "contour", .title = "Isosurfaces: time against error", .words = {}, .table = {}, .plots = {}};
     section.words =
-        "How far the vertices of marching cubes lie from the true surface, in units of the cube that holds it: of a sphere and a torus by exact distances, "
-        "of a gyroid, whose field is no distance, by Newton's steps. The order says by which power of the cell the root mean square falls from one resolution "
+        "How far the vertices of marching cubes lie from the true surface, in units of the cube that holds it: of a sphere and a torus by "
+        "exact distances, "
+        "of a gyroid, whose field is no distance, by Newton's steps. The order says by which power of the cell the root mean square falls "
+        "from one resolution "
         "to the next. Vertices on exact distances to a sphere of radius R lie within h²/8(R − h) of it, for cells of side h.";
-    section.table.columns = {{"case", "case"}, {"cell", "cell", 5}, {"contour_ms", "contour, ms", 2}, {"triangles", "triangles", 0}, {"largest", "largest distance", 8},
-                             {"bound", "bound", 8}, {"rms", "root mean square", 8}, {"order", "order", 2}};
-    Plot plot{"Distance of vertices from the surface: lower and further left is better", {"time, ms", true}, {"root mean square distance", true}, {}};
+    section.table.columns = {{"case", "case"},
+                             {"cell", "cell", 5},
+                             {"contour_ms", "contour, ms", 2},
+                             {"triangles", "triangles", 0},
+                             {"largest", "largest distance", 8},
+                             {"bound", "bound", 8},
+                             {"rms", "root mean square", 8},
+                             {"order", "order", 2}};
+    Plot plot{"Distance of vertices from the surface: lower and further left is better",
+              {"time, ms", true},
+              {"root mean square distance", true},
+              {}};
     constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
     for (const Shape& shape : kShapes) {
         PlotSeries series{.name = shape.name, .points = {}};
@@ -110,7 +125,8 @@ std::optional<BenchSection> run_contour_cases(BenchScene&, const BenchSettings& 
             const double cell = 1.0 / (samples - 1);
             const double bound = shape.field == sphere ? cell * cell / (8.0 * (kRadius - cell)) : kNone;
             const double order = std::log(rms_before / measured.rms) / std::log(cell_before / cell);
-            section.table.rows.push_back({std::string(name), cell, measured.ms, double(measured.triangles), measured.largest, bound, measured.rms, order});
+            section.table.rows.push_back(
+                {std::string(name), cell, measured.ms, double(measured.triangles), measured.largest, bound, measured.rms, order});
             series.points.emplace_back(measured.ms, measured.rms);
             rms_before = measured.rms;
             cell_before = cell;

@@ -40,10 +40,8 @@ std::vector<Loop> trace_loops(unsigned cell_case, unsigned joined_faces) {
         for (size_t i = 0; i < 4; ++i) {
             const unsigned from = kFaceCorners[size_t(face)][i], to = kFaceCorners[size_t(face)][(i + 1) % 4];
             if (is_inside(cell_case, from) == is_inside(cell_case, to)) continue;
-            if (is_inside(cell_case, from))
-                leaving[size_t(leaves++)] = edge_between(from, to);
-            else
-                entering[size_t(enters++)] = edge_between(from, to);
+            if (is_inside(cell_case, from)) leaving[size_t(leaves++)] = edge_between(from, to);
+            else entering[size_t(enters++)] = edge_between(from, to);
         }
         if (leaves == 1) next[size_t(entering[0])] = leaving[0];
         if (leaves != 2) continue;

@@ -14,12 +14,12 @@ struct CellPatch {
     static constexpr int kMostTriangles = 18, kMostInner = 4;
 
     uint8_t triangles = 0;
-    uint8_t inner = 0;                                        // vertices within the cell
-    std::array<uint8_t, 3 * kMostTriangles> vertices = {};    // [triangles * 3] places: place_of_edge, place_of_inner
-    std::array<uint16_t, kMostInner> inner_edges = {};        // [inner] the edges between whose vertices it lies, a bit each
+    uint8_t inner = 0;                                      // vertices within the cell
+    std::array<uint8_t, 3 * kMostTriangles> vertices = {};  // [triangles * 3] places: place_of_edge, place_of_inner
+    std::array<uint16_t, kMostInner> inner_edges = {};      // [inner] the edges between whose vertices it lies, a bit each
 
-    /// The vertices of a cell have 16 places: edges 0 to 7, those within the cell, and edges 8 to 11. So two vectors of eight hold them: the
-    /// next vertices on the rows of edges 0 to 7 before and after the cell, where edges 8 to 11 are what comes after 4 to 7.
+    /// The vertices of a cell have 16 places: edges 0 to 7, those within the cell, and edges 8 to 11. So two vectors of eight hold them:
+    /// the next vertices on the rows of edges 0 to 7 before and after the cell, where edges 8 to 11 are what comes after 4 to 7.
     static constexpr size_t kPlaces = 16;
     static constexpr uint8_t place_of_edge(size_t edge) { return uint8_t(edge < 8 ? edge : edge + 4); }
     static constexpr uint8_t place_of_inner(size_t n) { return uint8_t(8 + n); }

@@ -22,31 +22,32 @@ enum class ContourInside {
 struct ContourSettings {
     std::vector<double> isovalues = {0.0};  // finite; a surface each, in one pass over the field
     ContourInside inside = ContourInside::above;
-    bool close = false;                            // as if the field were outside beyond the grid
-    bool normals = false;                          // of the field's gradient, pointing outside
-    std::vector<std::array<uint8_t, 4>> colors;    // of the vertices of each isovalue; or empty
+    bool close = false;                          // as if the field were outside beyond the grid
+    bool normals = false;                        // of the field's gradient, pointing outside
+    std::vector<std::array<uint8_t, 4>> colors;  // of the vertices of each isovalue; or empty
     int threads = 1;
-    uint64_t memory_bytes = uint64_t{1} << 30;     // for slices, bricks and what is made of them
+    uint64_t memory_bytes = uint64_t{1} << 30;  // for slices, bricks and what is made of them
 };
 
 /// What was found on the way, of all isovalues together.
 struct ContourReport {
     uint64_t vertices = 0, triangles = 0;
     uint64_t nan_samples = 0;
-    float least = std::numeric_limits<float>::infinity(), greatest = -std::numeric_limits<float>::infinity();  // of samples that are not NaN
-    bool meets_boundary = false;      // of the grid: the surface is open there, or was closed
-    uint64_t clamped_vertices = 0;    // vertices lie at least 2^-10 of an edge from its ends; those that were moved to do so
+    float least = std::numeric_limits<float>::infinity(),
+          greatest = -std::numeric_limits<float>::infinity();  // of samples that are not NaN
+    bool meets_boundary = false;                               // of the grid: the surface is open there, or was closed
+    uint64_t clamped_vertices = 0;  // vertices lie at least 2^-10 of an edge from its ends; those that were moved to do so
     double largest_shift_cells = 0.0;
-    uint64_t ambiguous_cells = 0;     // cells whose corners alone do not tell how the surface runs
-    uint64_t tunnel_cells = 0;        // those of them through which a tunnel leads
+    uint64_t ambiguous_cells = 0;  // cells whose corners alone do not tell how the surface runs
+    uint64_t tunnel_cells = 0;     // those of them through which a tunnel leads
 };
 
 /// An isosurface in memory. Colors come only by way of a sink.
 struct ContourMesh {
-    Vec3d origin = Vec3d::Zero();                      // world: of positions
-    LargeArray<Vec3f> positions;                       // world, less origin
-    LargeArray<Vec3f> normals;                         // [positions] of unit length, zero: unknown; or empty
-    LargeArray<std::array<uint32_t, 3>> triangles;     // counterclockwise seen from outside
+    Vec3d origin = Vec3d::Zero();                   // world: of positions
+    LargeArray<Vec3f> positions;                    // world, less origin
+    LargeArray<Vec3f> normals;                      // [positions] of unit length, zero: unknown; or empty
+    LargeArray<std::array<uint32_t, 3>> triangles;  // counterclockwise seen from outside
 };
 
 /// The isosurface of the trilinear interpolant of samples: closed but for the grid's boundary, consistently oriented, a manifold with the

@@ -51,9 +51,10 @@ struct Part {
 struct Cells {
     int32_t k = 0;
     std::vector<Corner> corners;
-    std::vector<std::array<int32_t, 8>> samples;  // [corners] the bricks at + (n & 1, n >> 1 & 1, n >> 2) in their layers; -1 - n: constants[n]
-    std::vector<float> constants;                 // of bricks that are not given
-    std::vector<Part> parts;                      // [isovalue * corners + brick]
+    std::vector<std::array<int32_t, 8>>
+        samples;                   // [corners] the bricks at + (n & 1, n >> 1 & 1, n >> 2) in their layers; -1 - n: constants[n]
+    std::vector<float> constants;  // of bricks that are not given
+    std::vector<Part> parts;       // [isovalue * corners + brick]
 };
 
 // Finds corners in a sorted list, asked for in ascending order.
@@ -72,7 +73,9 @@ private:
     size_t at_ = 0;
 };
 
-Corner moved(const Corner& corner, int32_t bricks_i, int32_t bricks_j) { return {corner[0] + kSide * bricks_i, corner[1] + kSide * bricks_j}; }
+Corner moved(const Corner& corner, int32_t bricks_i, int32_t bricks_j) {
+    return {corner[0] + kSide * bricks_i, corner[1] + kSide * bricks_j};
+}
 
 std::vector<Corner> united(const std::vector<Corner>& a, const std::vector<Corner>& b) {
     std::vector<Corner> all;
@@ -102,7 +105,8 @@ public:
           axes_{source.placement().axes.col(0), source.placement().axes.col(1), source.placement().axes.col(2)},
           normal_from_gradient_(source.placement().axes.inverse().transpose()) {
         if (!settings.colors.empty() && settings.colors.size() != settings.isovalues.size())
-            throw Error(ErrorKind::usage, std::to_string(settings.isovalues.size()) + " isovalues have " + std::to_string(settings.colors.size()) + " colors");
+            throw Error(ErrorKind::usage, std::to_string(settings.isovalues.size()) + " isovalues have " +
+                                              std::to_string(settings.colors.size()) + " colors");
         for (const double isovalue : settings.isovalues) {
             if (!std::isfinite(isovalue)) throw Error(ErrorKind::usage, "an isovalue is not finite");
             levels_.push_back(level_of(isovalue, below_));
@@ -134,7 +138,8 @@ public:
                 k += kSide;
                 continue;
             }
-            const auto next = std::find_if(window_.begin(), window_.end(), [&](const Samples& samples) { return samples.layer.k > k + kSide; });
+            const auto next =
+                std::find_if(window_.begin(), window_.end(), [&](const Samples& samples) { return samples.layer.k > k + kSide; });
             if (next == window_.end()) break;
             k = next->layer.k - kSide;
         }
@@ -154,12 +159,17 @@ private:
             const FieldBrickLayer& layer = samples.layer;
             const auto out_of_place = [](int32_t c) { return c % kSide != 0 || std::abs(int64_t{c}) > int64_t{1} << 30; };
             const bool in_order = window_.empty() ? last_k_ < layer.k : window_.back().layer.k < layer.k;
-            if (!in_order || out_of_place(layer.k)) throw Error(ErrorKind::malformed, "a layer of bricks at k = " + std::to_string(layer.k) + " is out of order or place");
+            if (!in_order || out_of_place(layer.k))
+                throw Error(ErrorKind::malformed, "a layer of bricks at k = " + std::to_string(layer.k) + " is out of order or place");
             if (layer.values.size() != layer.corners.size() * kFieldBrickSamples)
-                throw Error(ErrorKind::malformed, std::to_string(layer.corners.size()) + " bricks have " + std::to_string(layer.values.size()) + " samples");
+                throw Error(ErrorKind::malformed,
+                            std::to_string(layer.corners.size()) + " bricks have " + std::to_string(layer.values.size()) + " samples");
             for (size_t b = 0; b < layer.corners.size(); ++b)
-                if (out_of_place(layer.corners[b][0]) || out_of_place(layer.corners[b][1]) || (b > 0 && !comes_before(layer.corners[b - 1], layer.corners[b])))
-                    throw Error(ErrorKind::malformed, "a brick at (" + std::to_string(layer.corners[b][0]) + ", " + std::to_string(layer.corners[b][1]) + ", " + std::to_string(layer.k) + ") is out of order or place");
+                if (out_of_place(layer.corners[b][0]) || out_of_place(layer.corners[b][1]) ||
+                    (b > 0 && !comes_before(layer.corners[b - 1], layer.corners[b])))
+                    throw Error(ErrorKind::malformed, "a brick at (" + std::to_string(layer.corners[b][0]) + ", " +
+                                                          std::to_string(layer.corners[b][1]) + ", " + std::to_string(layer.k) +
+                                                          ") is out of order or place");
             last_k_ = layer.k;
             if (layer.corners.empty()) continue;
             find_masks(samples);
@@ -176,7 +186,8 @@ private:
     void read_ahead() {
         if (settings_.threads < 2 || settings_.normals || ended_ || ahead_.valid()) return;
         try {
-            ahead_ = std::async(std::launch::async, [this, used = std::exchange(spare_samples_, {})]() mutable { return next_samples(std::move(used)); });
+            ahead_ = std::async(std::launch::async,
+                                [this, used = std::exchange(spare_samples_, {})]() mutable { return next_samples(std::move(used)); });
         } catch (const std::system_error&) {
             // No thread is to be had: it is read when it is wanted.
         }
@@ -192,7 +203,8 @@ private:
             std::vector<uint64_t*> words(levels_.size());
             for (size_t b = begin; b < end; ++b) {
                 for (size_t s = 0; s < levels_.size(); ++s) words[s] = samples.masks[s * bricks + b].data();
-                find_inside({samples.layer.values.data() + b * kFieldBrickSamples, kFieldBrickSamples}, levels_, below_, words.data(), found, simd_level_);
+                find_inside({samples.layer.values.data() + b * kFieldBrickSamples, kFieldBrickSamples}, levels_, below_, words.data(),
+                            found, simd_level_);
             }
             const std::lock_guard lock(mutex);
             all.add(found);
@@ -212,8 +224,8 @@ private:
     struct View {
         std::array<const float*, 8> values;
         std::array<unsigned, 8> reach;  // of indices: 0 where all samples are one
-        Vec3d start;  // in the world, less the origin: of its least sample
-        std::array<int64_t, 3> least;  // of its samples
+        Vec3d start;                    // in the world, less the origin: of its least sample
+        std::array<int64_t, 3> least;   // of its samples
 
         double at(unsigned i, unsigned j, unsigned k) const {  // each 0 to 8
             const unsigned brick = i >> 3 | j >> 3 << 1 | k >> 3 << 2;
@@ -226,11 +238,13 @@ private:
         const std::array<const Samples*, 2> layers = {samples_at(cells.k), samples_at(cells.k + kSide)};
         for (size_t n = 0; n < 8; ++n) {
             const int32_t there = cells.samples[brick][n];
-            view.values[n] = there < 0 ? &cells.constants[size_t(-1 - there)] : layers[n >> 2]->layer.values.data() + size_t(there) * kFieldBrickSamples;
+            view.values[n] =
+                there < 0 ? &cells.constants[size_t(-1 - there)] : layers[n >> 2]->layer.values.data() + size_t(there) * kFieldBrickSamples;
             view.reach[n] = there < 0 ? 0 : kFieldBrickSamples - 1;
         }
         view.least = {cells.corners[brick][0], cells.corners[brick][1], cells.k};
-        view.start = double(view.least[0] - first_corner_[0]) * axes_[0] + double(view.least[1] - first_corner_[1]) * axes_[1] + double(view.least[2] - first_k_) * axes_[2];
+        view.start = double(view.least[0] - first_corner_[0]) * axes_[0] + double(view.least[1] - first_corner_[1]) * axes_[1] +
+                     double(view.least[2] - first_k_) * axes_[2];
         return view;
     }
 
@@ -244,7 +258,8 @@ private:
     }
 
     // The samples of plane k, 0 to 8, that the corners of a brick's cells with that k lie in.
-    std::array<uint64_t, 4> corners_of(const Cells& cells, const std::array<const Samples*, 2>& layers, size_t isovalue, size_t brick, int k) const {
+    std::array<uint64_t, 4> corners_of(const Cells& cells, const std::array<const Samples*, 2>& layers, size_t isovalue, size_t brick,
+                                       int k) const {
         std::array<uint64_t, 4> words;
         for (size_t n = 0; n < 4; ++n) {
             const size_t upper = size_t(k) / kSide;
@@ -275,8 +290,9 @@ private:
         cells.corners = united(cells.corners, all_moved(cells.corners, 0, -1));
         const size_t bricks = cells.corners.size();
         cells.samples.resize(bricks);
-        find_around(cells, {layers[0] != nullptr ? &layers[0]->layer.corners : nullptr, layers[1] != nullptr ? &layers[1]->layer.corners : nullptr},
-                    cells.samples);
+        find_around(
+            cells, {layers[0] != nullptr ? &layers[0]->layer.corners : nullptr, layers[1] != nullptr ? &layers[1]->layer.corners : nullptr},
+            cells.samples);
         for (size_t b = 0; b < bricks; ++b)
             for (size_t n = 0; n < 8; ++n) {
                 if (cells.samples[b][n] >= 0) continue;
@@ -299,7 +315,8 @@ private:
 
     // Most neighbors have the value of the one before; there may be many values.
     static int32_t constant_of(Cells& cells, float value) {
-        if (cells.constants.empty() || std::bit_cast<uint32_t>(cells.constants.back()) != std::bit_cast<uint32_t>(value)) cells.constants.push_back(value);
+        if (cells.constants.empty() || std::bit_cast<uint32_t>(cells.constants.back()) != std::bit_cast<uint32_t>(value))
+            cells.constants.push_back(value);
         return -int32_t(cells.constants.size());
     }
 
@@ -337,7 +354,8 @@ private:
                     unsigned cell_case = 0;
                     for (unsigned c = 0; c < 8; ++c) cell_case |= unsigned(corner[c] >> bit & 1) << c;
                     if (!view) view = view_of(cells, brick);
-                    const CellDecision decision = CellCases::get().decide(cell_case, values_of(*view, settings_.isovalues[isovalue], bit & 7, bit >> 3, unsigned(k)));
+                    const CellDecision decision =
+                        CellCases::get().decide(cell_case, values_of(*view, settings_.isovalues[isovalue], bit & 7, bit >> 3, unsigned(k)));
                     triangles += decision.patch->triangles + 2 - std::popcount(kCrossedEdges[cell_case]);
                     part.inner += decision.patch->inner;
                     ++found.cells;
@@ -353,7 +371,8 @@ private:
     static bool comes_early(size_t axis, size_t plane) { return axis < 2 && plane == 0; }
 
     static bool crosses_early(const Cells& cells) {
-        return std::any_of(cells.parts.begin(), cells.parts.end(), [](const Part& part) { return (part.crossed[0][0] | part.crossed[1][0]) != 0; });
+        return std::any_of(cells.parts.begin(), cells.parts.end(),
+                           [](const Part& part) { return (part.crossed[0][0] | part.crossed[1][0]) != 0; });
     }
 
     template <typename Use>
@@ -447,24 +466,29 @@ private:
             bytes += samples.layer.values.size() * sizeof(float) + samples.masks.size() * sizeof samples.masks[0];
         for (const Cells* layer : {&cells, above})
             if (layer != nullptr)
-                bytes += layer->corners.size() * (sizeof layer->corners[0] + 2 * sizeof layer->samples[0]) + layer->parts.size() * sizeof(Part);
+                bytes +=
+                    layer->corners.size() * (sizeof layer->corners[0] + 2 * sizeof layer->samples[0]) + layer->parts.size() * sizeof(Part);
         if (bytes > settings_.memory_bytes)
             throw Error(ErrorKind::limit, "a layer of bricks and the surface in it need " + std::to_string(bytes) + " bytes of memory, " +
                                               std::to_string(settings_.memory_bytes) + " are allowed");
     }
 
     // The places in the lists of a layer and of the next of what is at each corner + (n & 1, n >> 1 & 1, n >> 2) bricks; -1: not there.
-    void find_around(const Cells& cells, const std::array<const std::vector<Corner>*, 2>& lists, std::vector<std::array<int32_t, 8>>& found) const {
+    void find_around(const Cells& cells, const std::array<const std::vector<Corner>*, 2>& lists,
+                     std::vector<std::array<int32_t, 8>>& found) const {
         found.resize(cells.corners.size());
         parallel_blocks(settings_.threads, 8, 1, [&](size_t begin, size_t end) {
             for (size_t n = begin; n < end; ++n) {
                 Finder finder(lists[n >> 2]);
-                for (size_t b = 0; b < found.size(); ++b) found[b][n] = finder.find(moved(cells.corners[b], int32_t(n & 1), int32_t(n >> 1 & 1)));
+                for (size_t b = 0; b < found.size(); ++b)
+                    found[b][n] = finder.find(moved(cells.corners[b], int32_t(n & 1), int32_t(n >> 1 & 1)));
             }
         });
     }
 
-    void put(uint64_t number, const Vec3d& position) { mesh_.positions[number] = {float(position.x()), float(position.y()), float(position.z())}; }
+    void put(uint64_t number, const Vec3d& position) {
+        mesh_.positions[number] = {float(position.x()), float(position.y()), float(position.z())};
+    }
 
     void put_vertices(const Cells& cells, size_t isovalue, size_t brick, bool early, CutStatistics& cuts) {
         const Part& part = cells.parts[isovalue * cells.corners.size() + brick];
@@ -494,7 +518,8 @@ private:
 
     // A sample near a brick's place.
     double value_at(const View& view, const std::array<int, 3>& at) const {
-        if (std::all_of(at.begin(), at.end(), [](int c) { return c >= 0 && c <= kSide; })) return view.at(unsigned(at[0]), unsigned(at[1]), unsigned(at[2]));
+        if (std::all_of(at.begin(), at.end(), [](int c) { return c >= 0 && c <= kSide; }))
+            return view.at(unsigned(at[0]), unsigned(at[1]), unsigned(at[2]));
         const auto brick_of = [](int64_t c) { return int32_t(c & ~int64_t{kSide - 1}); };
         const std::array<int64_t, 3> p = {view.least[0] + at[0], view.least[1] + at[1], view.least[2] + at[2]};
         const Corner corner = {brick_of(p[0]), brick_of(p[1])};
@@ -508,7 +533,8 @@ private:
         const auto found = std::lower_bound(corners.begin(), corners.end(), corner, comes_before);
         if (found == corners.end() || *found != corner) return absent();
         const auto in_brick = [](int64_t c) { return size_t(c & (kSide - 1)); };
-        return double(samples->layer.values[size_t(found - corners.begin()) * kFieldBrickSamples + (in_brick(p[2]) * kSide + in_brick(p[1])) * kSide + in_brick(p[0])]);
+        return double(samples->layer.values[size_t(found - corners.begin()) * kFieldBrickSamples +
+                                            (in_brick(p[2]) * kSide + in_brick(p[1])) * kSide + in_brick(p[0])]);
     }
 
     Vec3d slope_at(const View& view, const std::array<int, 3>& at) const {
@@ -591,7 +617,8 @@ private:
                 const uint8_t count = plain.triangles[cell_case];
                 if (count != CellCases::kUndecided) {
                     const auto& vertices = plain.vertices[cell_case];
-                    for (size_t t = 0; t < count; ++t) *triangle++ = {ids[vertices[3 * t]], ids[vertices[3 * t + 1]], ids[vertices[3 * t + 2]]};
+                    for (size_t t = 0; t < count; ++t)
+                        *triangle++ = {ids[vertices[3 * t]], ids[vertices[3 * t + 1]], ids[vertices[3 * t + 2]]};
                     continue;
                 }
                 if (!view) view = view_of(cells, brick);
@@ -618,8 +645,9 @@ private:
     Kernel* kernel(Kernel* baseline, Kernel* avx2, Kernel* avx512) const {
         return simd_level_ == SimdLevel::avx512 ? avx512 : simd_level_ == SimdLevel::avx2 ? avx2 : baseline;
     }
-    STRATA_KERNEL_BASELINE static void count_baseline(const BrickContour& contour, Cells& cells, const std::array<const Samples*, 2>& layers,
-                                                      size_t isovalue, size_t brick, Ambiguous& found) {
+    STRATA_KERNEL_BASELINE static void count_baseline(const BrickContour& contour, Cells& cells,
+                                                      const std::array<const Samples*, 2>& layers, size_t isovalue, size_t brick,
+                                                      Ambiguous& found) {
         contour.count(cells, layers, isovalue, brick, found);
     }
     STRATA_KERNEL_AVX2 static void count_avx2(const BrickContour& contour, Cells& cells, const std::array<const Samples*, 2>& layers,
@@ -630,8 +658,8 @@ private:
                                                   size_t isovalue, size_t brick, Ambiguous& found) {
         contour.count(cells, layers, isovalue, brick, found);
     }
-    STRATA_KERNEL_BASELINE static void vertices_baseline(BrickContour& contour, const Cells& cells, size_t isovalue, size_t brick, bool early,
-                                                         CutStatistics& cuts) {
+    STRATA_KERNEL_BASELINE static void vertices_baseline(BrickContour& contour, const Cells& cells, size_t isovalue, size_t brick,
+                                                         bool early, CutStatistics& cuts) {
         contour.put_vertices(cells, isovalue, brick, early, cuts);
     }
     STRATA_KERNEL_AVX2 static void vertices_avx2(BrickContour& contour, const Cells& cells, size_t isovalue, size_t brick, bool early,
@@ -646,7 +674,8 @@ private:
                                                           size_t brick) {
         contour.put_triangles(cells, above, isovalue, brick);
     }
-    STRATA_KERNEL_AVX2 static void triangles_avx2(BrickContour& contour, const Cells& cells, const Cells* above, size_t isovalue, size_t brick) {
+    STRATA_KERNEL_AVX2 static void triangles_avx2(BrickContour& contour, const Cells& cells, const Cells* above, size_t isovalue,
+                                                  size_t brick) {
         contour.put_triangles(cells, above, isovalue, brick);
     }
     STRATA_KERNEL_AVX512 static void triangles_avx512(BrickContour& contour, const Cells& cells, const Cells* above, size_t isovalue,
@@ -677,8 +706,8 @@ private:
     int32_t first_k_ = 0;
     Corner first_corner_ = {0, 0};
 
-    std::vector<std::array<int32_t, 8>> neighbors_;  // of the cells passed on
-    mutable std::mutex source_mutex_;  // of absent_value
+    std::vector<std::array<int32_t, 8>> neighbors_;   // of the cells passed on
+    mutable std::mutex source_mutex_;                 // of absent_value
     uint64_t first_vertex_ = 0, first_triangle_ = 0;  // the number of the first in the mesh, and the place of the first triangle passed on
     std::vector<std::array<uint8_t, 4>> colors_;
     ContourReport report_;

@@ -49,10 +49,8 @@ constexpr std::array<std::array<uint8_t, 4>, 6> make_face_corners() {
     for (unsigned axis = 0; axis < 3; ++axis)
         for (unsigned side = 0; side < 2; ++side) {
             const unsigned u = 1u << (axis + 1) % 3, v = 1u << (axis + 2) % 3, at = side << axis;
-            if (side == 1)
-                faces[2 * axis + side] = {uint8_t(at), uint8_t(at + u), uint8_t(at + u + v), uint8_t(at + v)};
-            else
-                faces[2 * axis + side] = {uint8_t(at), uint8_t(at + v), uint8_t(at + u + v), uint8_t(at + u)};
+            if (side == 1) faces[2 * axis + side] = {uint8_t(at), uint8_t(at + u), uint8_t(at + u + v), uint8_t(at + v)};
+            else faces[2 * axis + side] = {uint8_t(at), uint8_t(at + v), uint8_t(at + u + v), uint8_t(at + u)};
         }
     return faces;
 }

@@ -13,7 +13,8 @@ ContourReport contour_grid(const GridPlacement& placement, const std::array<uint
     const int64_t layers = slab.layers();
     const uint64_t slice = uint64_t{size[0]} * size[1];
     if (slice != 0 && (values.size() % slice != 0 || values.size() / slice != size[2]))
-        throw Error(ErrorKind::usage, std::to_string(values.size()) + " samples are not " + std::to_string(size[0]) + " x " + std::to_string(size[1]) + " x " + std::to_string(size[2]));
+        throw Error(ErrorKind::usage, std::to_string(values.size()) + " samples are not " + std::to_string(size[0]) + " x " +
+                                          std::to_string(size[1]) + " x " + std::to_string(size[2]));
     if (layers == 0) return slab.report();
     const SlabSamples samples{.values = values.data(), .first_slice = 0};
     slab.plan(samples, 0, layers);

@@ -73,10 +73,8 @@ private:
     }
 
     void release() {
-        if (is_mapped(capacity_))
-            (void)::munmap(static_cast<void*>(data_), capacity_);
-        else
-            std::free(static_cast<void*>(data_));
+        if (is_mapped(capacity_)) (void)::munmap(static_cast<void*>(data_), capacity_);
+        else std::free(static_cast<void*>(data_));
     }
 
     void swap(LargeArray& other) {

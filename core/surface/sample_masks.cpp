@@ -36,7 +36,8 @@ inline void add_statistics(const float* samples, size_t n, SampleStatistics& sta
         greatest = v > greatest ? v : greatest;
         nan -= v != v;
     }
-    for (size_t lane = 0; lane < kLanes; ++lane) statistics.add({.nan = uint64_t(nan[lane]), .least = least[lane], .greatest = greatest[lane]});
+    for (size_t lane = 0; lane < kLanes; ++lane)
+        statistics.add({.nan = uint64_t(nan[lane]), .least = least[lane], .greatest = greatest[lane]});
     for (size_t i = whole; i < n; ++i) statistics.add({.nan = samples[i] != samples[i], .least = samples[i], .greatest = samples[i]});
 }
 
@@ -116,7 +117,9 @@ float level_of(double isovalue, bool below) {
 
 void find_inside(std::span<const float> samples, std::span<const float> levels, bool below, uint64_t* const* masks,
                  SampleStatistics& statistics, SimdLevel level) {
-    const auto add = level == SimdLevel::avx512 ? add_statistics_avx512 : level == SimdLevel::avx2 ? add_statistics_avx2 : add_statistics_baseline;
+    const auto add = level == SimdLevel::avx512 ? add_statistics_avx512
+                     : level == SimdLevel::avx2 ? add_statistics_avx2
+                                                : add_statistics_baseline;
     const auto find = level == SimdLevel::avx512 ? find_words_avx512 : level == SimdLevel::avx2 ? find_words_avx2 : find_words_baseline;
     add(samples.data(), samples.size(), statistics);
     const size_t words = samples.size() / kWord, rest = samples.size() % kWord;

@@ -109,9 +109,7 @@ struct SlabKernel {
             const float* const row = samples_of(slab, samples, j + (c >> 1 & 1), k + (c >> 2));
             const int64_t column = i + (c & 1) - slab.pad_;
             const bool outside = row == nullptr || column < 0 || column >= slab.samples_[0];
-            values[size_t(c)] = outside       ? kOutside
-                                : slab.below_ ? isovalue - double(row[column])
-                                              : double(row[column]) - isovalue;
+            values[size_t(c)] = outside ? kOutside : slab.below_ ? isovalue - double(row[column]) : double(row[column]) - isovalue;
         }
         return values;
     }
@@ -193,8 +191,8 @@ struct SlabKernel {
                     for (uint64_t left = active[w] & undecided(rows, w); left != 0; left &= left - 1) {
                         const size_t i = 64 * w + size_t(std::countr_zero(left));
                         const unsigned cell_case = case_of(rows, i);
-                        const CellDecision decision = cases.decide(
-                            cell_case, values_of(slab, samples, slab.isovalues_[s], int64_t(i), j, slab.slab_first_ + layer));
+                        const CellDecision decision =
+                            cases.decide(cell_case, values_of(slab, samples, slab.isovalues_[s], int64_t(i), j, slab.slab_first_ + layer));
                         triangles += decision.patch->triangles + 2 - std::popcount(kCrossedEdges[cell_case]);
                         inner += decision.patch->inner;
                         ++findings.ambiguous;
@@ -232,9 +230,7 @@ struct SlabKernel {
         return slope.allFinite() ? slope : Vec3d::Zero();
     }
 
-    static Vec3f normal_of(const SlabContour& slab, const Vec3d& outward) {
-        return unit_normal(slab.normal_from_gradient_ * outward);
-    }
+    static Vec3f normal_of(const SlabContour& slab, const Vec3d& outward) { return unit_normal(slab.normal_from_gradient_ * outward); }
 
     // The normal at t between two samples of the padded grid.
     static Vec3f edge_normal(const SlabContour& slab, const SlabSamples& samples, std::array<int64_t, 3> at, int axis, double t) {
@@ -275,10 +271,8 @@ struct SlabKernel {
                     for (; left != 0; left &= left - 1) {
                         const int64_t i = int64_t(64 * w) + std::countr_zero(left);
                         double t;
-                        if (pad == 1 && (i == 0 || i == slab.columns_ - 2))
-                            t = i == 0 ? 1.0 - kLeastCut : kLeastCut;
-                        else
-                            t = cut_edge(here[i - pad], here[i + 1 - pad], isovalue, cuts);
+                        if (pad == 1 && (i == 0 || i == slab.columns_ - 2)) t = i == 0 ? 1.0 - kLeastCut : kLeastCut;
+                        else t = cut_edge(here[i - pad], here[i + 1 - pad], isovalue, cuts);
                         put(out.positions[at], start + (double(i) + t) * slab.axes_[0]);
                         if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 0, t);
                         ++at;
@@ -343,7 +337,8 @@ struct SlabKernel {
                 if (triangle == (j + 2 < slab.rows_ ? unit_triangles + 3 * size_t(numbers[j + 1].triangles) : end)) continue;
                 find_active(slab, rows, active.data());
                 uint32_t inner = numbers[j].inner;
-                U32x8 next = {below[j].x, below[j + 1].x, above[j].x, above[j + 1].x, below[j].y, above[j].y, numbers[j].z, numbers[j + 1].z};
+                U32x8 next = {below[j].x, below[j + 1].x, above[j].x,   above[j + 1].x,
+                              below[j].y, above[j].y,     numbers[j].z, numbers[j + 1].z};
                 for (size_t w = 0; w < cells; ++w)
                     for (uint64_t left = active[w]; left != 0; left &= left - 1) {
                         const size_t i = 64 * w + size_t(std::countr_zero(left));
@@ -476,7 +471,8 @@ SlabContour::SlabContour(const GridPlacement& placement, const std::array<uint32
       axes_{placement.axes.col(0), placement.axes.col(1), placement.axes.col(2)},
       normal_from_gradient_(placement.axes.inverse().transpose()) {
     if (!settings.colors.empty() && settings.colors.size() != settings.isovalues.size())
-        throw Error(ErrorKind::usage, std::to_string(settings.isovalues.size()) + " isovalues have " + std::to_string(settings.colors.size()) + " colors");
+        throw Error(ErrorKind::usage,
+                    std::to_string(settings.isovalues.size()) + " isovalues have " + std::to_string(settings.colors.size()) + " colors");
     for (const double isovalue : settings.isovalues) {
         if (!std::isfinite(isovalue)) throw Error(ErrorKind::usage, "an isovalue is not finite");
         isovalues_.push_back(isovalue - reference);
@@ -630,12 +626,12 @@ SlabContour::Part SlabContour::part_of(int64_t first, int64_t end) const {
 
 void SlabContour::emit(const SlabSamples& samples, int64_t first, int64_t end, const ContourTarget& out) {
     if (part_of(first, end).triangles == 0) return;  // nor vertices, and no place for them
-    const auto emit_slice = normals_ ? SlabKernel::emit_slice_plainly
-                                     : kernel_for(level_, SlabKernel::emit_slice_baseline, SlabKernel::emit_slice_avx2,
-                                                  SlabKernel::emit_slice_avx512);
-    const auto emit_layer = normals_ ? SlabKernel::emit_layer_plainly
-                                     : kernel_for(level_, SlabKernel::emit_layer_baseline, SlabKernel::emit_layer_avx2,
-                                                  SlabKernel::emit_layer_avx512);
+    const auto emit_slice =
+        normals_ ? SlabKernel::emit_slice_plainly
+                 : kernel_for(level_, SlabKernel::emit_slice_baseline, SlabKernel::emit_slice_avx2, SlabKernel::emit_slice_avx512);
+    const auto emit_layer =
+        normals_ ? SlabKernel::emit_layer_plainly
+                 : kernel_for(level_, SlabKernel::emit_layer_baseline, SlabKernel::emit_layer_avx2, SlabKernel::emit_layer_avx512);
     const Unit& layer_unit = layer_units_[unit(first - slab_first_, 0)];
     const uint64_t first_vertex = first == 0 ? 0 : layer_unit.first_vertex;
     std::mutex mutex;

@@ -85,11 +85,11 @@ private:
     void find_masks(const SlabSamples& samples, int64_t slab_slice, SampleStatistics& statistics);
     void number_units(int64_t slices);
 
-    std::array<int64_t, 3> samples_;  // of the grid
-    int64_t pad_;                     // 1 where the surface is closed
-    int64_t columns_, rows_, slices_; // with what is outside
-    size_t stride_;                   // words a row of bits, one of them 0 at the end
-    std::vector<double> isovalues_;   // less the reference
+    std::array<int64_t, 3> samples_;   // of the grid
+    int64_t pad_;                      // 1 where the surface is closed
+    int64_t columns_, rows_, slices_;  // with what is outside
+    size_t stride_;                    // words a row of bits, one of them 0 at the end
+    std::vector<double> isovalues_;    // less the reference
     std::vector<float> levels_;
     bool below_, normals_, mirrored_;
     int threads_;

@@ -24,8 +24,10 @@ const ScalarGrid& gyroid_in_sphere(uint32_t side) {
             for (size_t j = 0; j < side; ++j)
                 for (size_t i = 0; i < side; ++i) {
                     const double x = double(i) - half, y = double(j) - half, z = double(k) - half;
-                    const double sheet = std::sin(scale * x) * std::cos(scale * y) + std::sin(scale * y) * std::cos(scale * z) + std::sin(scale * z) * std::cos(scale * x);
-                    grid.values[(k * side + j) * side + i] = float(std::max(sheet / (1.2 * scale), std::sqrt(x * x + y * y + z * z) - 0.45 * side));
+                    const double sheet = std::sin(scale * x) * std::cos(scale * y) + std::sin(scale * y) * std::cos(scale * z) +
+                                         std::sin(scale * z) * std::cos(scale * x);
+                    grid.values[(k * side + j) * side + i] =
+                        float(std::max(sheet / (1.2 * scale), std::sqrt(x * x + y * y + z * z) - 0.45 * side));
                 }
     });
     return grid;
@@ -62,7 +64,9 @@ void contour_dense(benchmark::State& state, bool normals) {
     uint64_t triangles = 0;
     for (auto _ : state) {
         ContourMesh mesh;
-        triangles = contour_grid(grid.placement, grid.size, grid.values, {.inside = ContourInside::below, .normals = normals, .threads = int(state.range(1))}, mesh).triangles;
+        triangles = contour_grid(grid.placement, grid.size, grid.values,
+                                 {.inside = ContourInside::below, .normals = normals, .threads = int(state.range(1))}, mesh)
+                        .triangles;
     }
     report(state, triangles);
 }
@@ -73,7 +77,8 @@ void contour_by_slices(benchmark::State& state) {
     for (auto _ : state) {
         Slices slices(grid);
         Counter counter;
-        contour_slices(slices, {.inside = ContourInside::below, .threads = int(state.range(1)), .memory_bytes = uint64_t{256} << 20}, counter);
+        contour_slices(slices, {.inside = ContourInside::below, .threads = int(state.range(1)), .memory_bytes = uint64_t{256} << 20},
+                       counter);
         triangles = counter.triangles;
     }
     report(state, triangles);
@@ -81,7 +86,11 @@ void contour_by_slices(benchmark::State& state) {
 
 const bool kRegistered = [] {
     const auto add = [](const char* name, auto&& run) {
-        benchmark::RegisterBenchmark(name, run)->ArgsProduct({{256, 512}, {1, 2}})->ArgNames({"samples", "threads"})->Unit(benchmark::kMillisecond)->UseRealTime();
+        benchmark::RegisterBenchmark(name, run)
+            ->ArgsProduct({{256, 512}, {1, 2}})
+            ->ArgNames({"samples", "threads"})
+            ->Unit(benchmark::kMillisecond)
+            ->UseRealTime();
     };
     add("contour/dense", [](benchmark::State& s) { contour_dense(s, false); });
     add("contour/dense_normals", [](benchmark::State& s) { contour_dense(s, true); });

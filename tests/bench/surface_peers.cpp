@@ -59,8 +59,8 @@ Measured measure(const std::function<uint64_t()>& act) {
 }
 
 void print(const char* what, int samples, int threads, const Measured& measured, double of_ours) {
-    std::printf("| %s, %d^3 | %d | %.3f | %.2f | %.0f | %.2f |\n", what, samples, threads, measured.seconds, measured.seconds / of_ours, measured.megabytes,
-                double(measured.triangles) / 1e6);
+    std::printf("| %s, %d^3 | %d | %.3f | %.2f | %.0f | %.2f |\n", what, samples, threads, measured.seconds, measured.seconds / of_ours,
+                measured.megabytes, double(measured.triangles) / 1e6);
     std::fflush(stdout);
 }
 
@@ -73,7 +73,8 @@ ScalarGrid gyroid_in_sphere(int samples) {
             for (size_t j = 0; j < side; ++j)
                 for (size_t i = 0; i < side; ++i) {
                     const double x = double(i) - half, y = double(j) - half, z = double(k) - half;
-                    const double sheet = std::sin(scale * x) * std::cos(scale * y) + std::sin(scale * y) * std::cos(scale * z) + std::sin(scale * z) * std::cos(scale * x);
+                    const double sheet = std::sin(scale * x) * std::cos(scale * y) + std::sin(scale * y) * std::cos(scale * z) +
+                                         std::sin(scale * z) * std::cos(scale * x);
                     const double sphere = std::sqrt(x * x + y * y + z * z) - 0.45 * samples;
                     grid.values[(k * side + j) * side + i] = float(std::max(sheet / (1.2 * scale), sphere));
                 }
@@ -83,7 +84,9 @@ ScalarGrid gyroid_in_sphere(int samples) {
 
 uint64_t contour_whole(const ScalarGrid& grid, int threads) {
     ContourMesh mesh;
-    return contour_grid(grid.placement, grid.size, grid.values, {.isovalues = {0.0}, .inside = ContourInside::below, .threads = threads}, mesh).triangles;
+    return contour_grid(grid.placement, grid.size, grid.values, {.isovalues = {0.0}, .inside = ContourInside::below, .threads = threads},
+                        mesh)
+        .triangles;
 }
 
 openvdb::FloatGrid::Ptr level_set_of(const ScalarGrid& grid) {
@@ -111,13 +114,16 @@ public:
     }
     const GridPlacement& placement() const override { return placement_; }
     float background() const override { return background_; }
-    float absent_value(const std::array<int32_t, 3>& corner) const override { return accessor_.getValue({corner[2], corner[1], corner[0]}); }
+    float absent_value(const std::array<int32_t, 3>& corner) const override {
+        return accessor_.getValue({corner[2], corner[1], corner[0]});
+    }
     bool next_layer(FieldBrickLayer& out) override {
         if (next_ == leaves_.size()) return false;
         out.k = leaves_[next_]->origin().x();
         out.corners.clear();
         size_t end = next_;
-        for (; end < leaves_.size() && leaves_[end]->origin().x() == out.k; ++end) out.corners.push_back({leaves_[end]->origin().z(), leaves_[end]->origin().y()});
+        for (; end < leaves_.size() && leaves_[end]->origin().x() == out.k; ++end)
+            out.corners.push_back({leaves_[end]->origin().z(), leaves_[end]->origin().y()});
         out.values.resize(out.corners.size() * kFieldBrickSamples);
         for (size_t n = 0; next_ < end; ++next_, ++n)
             std::memcpy(out.values.data() + n * kFieldBrickSamples, leaves_[next_]->buffer().data(), kFieldBrickSamples * sizeof(float));
@@ -153,8 +159,10 @@ void compare_dense(int samples) {
     for (const int threads : {1, 2}) {
         const Measured ours = measure([&] { return contour_whole(grid, threads); });
         print("strata contour_grid", samples, threads, ours, ours.seconds);
-        print("vtkFlyingEdges3D", samples, threads, measure([&] { return flying_edges(grid.values.data(), samples, threads); }), ours.seconds);
-        if (threads == 1) print("vtkMarchingCubes", samples, 1, measure([&] { return vtk_marching_cubes(grid.values.data(), samples); }), ours.seconds);
+        print("vtkFlyingEdges3D", samples, threads, measure([&] { return flying_edges(grid.values.data(), samples, threads); }),
+              ours.seconds);
+        if (threads == 1)
+            print("vtkMarchingCubes", samples, 1, measure([&] { return vtk_marching_cubes(grid.values.data(), samples); }), ours.seconds);
     }
 }
 
@@ -176,10 +184,8 @@ int main(int argc, char** argv) {
     std::vector<int> samples;
     for (int i = 1; i < argc; ++i) {
         const std::string word = argv[i];
-        if (word == "dense" || word == "bricks")
-            (word == "dense" ? bricks : dense) = false;
-        else
-            samples.push_back(std::atoi(argv[i]));
+        if (word == "dense" || word == "bricks") (word == "dense" ? bricks : dense) = false;
+        else samples.push_back(std::atoi(argv[i]));
     }
     std::printf("| what, samples | threads | seconds | of ours | MB | M triangles |\n|---|---|---|---|---|---|\n");
     for (const int n : samples.empty() ? std::vector<int>{256} : samples) {

@@ -59,18 +59,22 @@ SurfaceShape shape_of(std::span<const Vec3f> positions, std::span<const std::arr
     std::vector<Step> steps;
     for (const auto& t : triangles)
         for (size_t n = 0; n < 3; ++n) steps.push_back({t[n], t[(n + 1) % 3], t[(n + 2) % 3]});
-    std::sort(steps.begin(), steps.end(), [](const Step& a, const Step& b) { return a.vertex != b.vertex ? a.vertex < b.vertex : a.from < b.from; });
+    std::sort(steps.begin(), steps.end(),
+              [](const Step& a, const Step& b) { return a.vertex != b.vertex ? a.vertex < b.vertex : a.from < b.from; });
     for (size_t begin = 0, end; begin < steps.size(); begin = end) {
         end = begin;
         while (end < steps.size() && steps[end].vertex == steps[begin].vertex) ++end;
         const auto next = [&](uint32_t from) {
-            const auto at = std::lower_bound(steps.begin() + long(begin), steps.begin() + long(end), from, [](const Step& s, uint32_t f) { return s.from < f; });
+            const auto at = std::lower_bound(steps.begin() + long(begin), steps.begin() + long(end), from,
+                                             [](const Step& s, uint32_t f) { return s.from < f; });
             return at == steps.begin() + long(end) || at->from != from ? end : size_t(at - steps.begin());
         };
         // A path begins where no triangle leads to.
         size_t start = begin;
         for (size_t s = begin; s < end; ++s)
-            if (std::none_of(steps.begin() + long(begin), steps.begin() + long(end), [&](const Step& other) { return other.to == steps[s].from; })) start = s;
+            if (std::none_of(steps.begin() + long(begin), steps.begin() + long(end),
+                             [&](const Step& other) { return other.to == steps[s].from; }))
+                start = s;
         size_t walked = 0;
         for (size_t s = start; s != end && walked <= end - begin; s = next(steps[s].to)) {
             ++walked;

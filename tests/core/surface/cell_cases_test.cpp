@@ -17,7 +17,9 @@ using Edge = std::pair<int, int>;
 bool is_crossed(unsigned cell_case, size_t edge) {
     return (cell_case >> kCellEdge[edge].lower & 1) != (cell_case >> kCellEdge[edge].upper & 1);
 }
-bool in_one_face(int a, int b) { return a < kCellEdges && b < kCellEdges && (kCellEdge[size_t(a)].faces & kCellEdge[size_t(b)].faces) != 0; }
+bool in_one_face(int a, int b) {
+    return a < kCellEdges && b < kCellEdges && (kCellEdge[size_t(a)].faces & kCellEdge[size_t(b)].faces) != 0;
+}
 
 // The vertices of a patch by number: 0 to 11 on edges, then those within the cell.
 int vertex_at(uint8_t place) { return place < 8 ? place : place < 12 ? kCellEdges + place - 8 : place - 4; }
@@ -62,7 +64,8 @@ TEST(CellCases, EdgesAndFacesAreThoseOfACube) {
 TEST(CellCases, EveryPatchIsAManifoldThatTouchesFacesOnlyWithItsBoundary) {
     std::map<std::pair<unsigned, unsigned>, std::set<Edge>> boundary_of;
     for (const CellCases::Listed& listed : CellCases::get().list()) {
-        const std::string where = "case " + std::to_string(listed.cell_case) + ", faces " + std::to_string(listed.joined_faces) + (listed.tunnel ? ", tunnel" : "");
+        const std::string where = "case " + std::to_string(listed.cell_case) + ", faces " + std::to_string(listed.joined_faces) +
+                                  (listed.tunnel ? ", tunnel" : "");
         const auto walks = walks_of(listed.patch);
         std::set<Edge> boundary;
         std::map<int, int> boundary_steps;
@@ -76,13 +79,15 @@ TEST(CellCases, EveryPatchIsAManifoldThatTouchesFacesOnlyWithItsBoundary) {
             }
         }
         // Each crossed edge of the cell has the one vertex, from which the boundary goes on once.
-        for (size_t e = 0; e < kCellEdges; ++e) EXPECT_EQ(boundary_steps[int(e)], is_crossed(listed.cell_case, e)) << where << ", edge " << e;
+        for (size_t e = 0; e < kCellEdges; ++e)
+            EXPECT_EQ(boundary_steps[int(e)], is_crossed(listed.cell_case, e)) << where << ", edge " << e;
         // Around a vertex within, the triangles are one fan: as many edges as triangles, connected.
         for (int v = kCellEdges; v < kCellEdges + listed.patch.inner; ++v) {
             std::map<int, int> next;
             for (size_t t = 0; t < listed.patch.triangles; ++t)
                 for (size_t n = 0; n < 3; ++n)
-                    if (vertex_of(listed.patch, 3 * t + n) == v) next[vertex_of(listed.patch, 3 * t + (n + 1) % 3)] = vertex_of(listed.patch, 3 * t + (n + 2) % 3);
+                    if (vertex_of(listed.patch, 3 * t + n) == v)
+                        next[vertex_of(listed.patch, 3 * t + (n + 1) % 3)] = vertex_of(listed.patch, 3 * t + (n + 2) % 3);
             ASSERT_GE(next.size(), 3u) << where;
             size_t walked = 0;
             int at = next.begin()->first;
@@ -125,7 +130,8 @@ TEST(CellCases, NeighborsAgreeOnTheirFace) {
         std::map<std::pair<unsigned, bool>, std::set<Edge>> on_far, on_near;
         const auto edge_at = [&](size_t e, bool shift) {
             for (int n = 0; n < kCellEdges; ++n)
-                if (kCellEdge[size_t(n)].lower == kCellEdge[e].lower - (shift ? step : 0) && kCellEdge[size_t(n)].axis == kCellEdge[e].axis) return n;
+                if (kCellEdge[size_t(n)].lower == kCellEdge[e].lower - (shift ? step : 0) && kCellEdge[size_t(n)].axis == kCellEdge[e].axis)
+                    return n;
             return -1;
         };
         for (const auto& [way, edges] : boundary_of)
@@ -186,7 +192,9 @@ TEST(CellCases, AFaceIsDecidedTheSameFromBothSides) {
         const auto segments = [](const CellPatch& patch, unsigned face) {
             std::set<Edge> found;
             for (const auto& [edge, count] : walks_of(patch))
-                if (edge.first < kCellEdges && edge.second < kCellEdges && (kCellEdge[size_t(edge.first)].faces & kCellEdge[size_t(edge.second)].faces & 1u << face) != 0) found.insert(edge);
+                if (edge.first < kCellEdges && edge.second < kCellEdges &&
+                    (kCellEdge[size_t(edge.first)].faces & kCellEdge[size_t(edge.second)].faces & 1u << face) != 0)
+                    found.insert(edge);
             return found;
         };
         const auto of_a = segments(*CellCases::get().decide(case_a, a).patch, 1);

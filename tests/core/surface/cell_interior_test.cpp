@@ -70,10 +70,12 @@ TEST(CellInterior, JoinsWhatALatticeJoins) {
                     const int dx = d % 3 - 1, dy = d / 3 % 3 - 1, dz = d / 9 - 1;
                     if (wide == 0 && dx * dx + dy * dy + dz * dz != 1) continue;
                     if (x + dx < 0 || x + dx > kSide || y + dy < 0 || y + dy > kSide || z + dz < 0 || z + dz > kSide) continue;
-                    if (inside[size_t(at(x, y, z))] == inside[size_t(at(x + dx, y + dy, z + dz))]) groups->join(at(x, y, z), at(x + dx, y + dy, z + dz));
+                    if (inside[size_t(at(x, y, z))] == inside[size_t(at(x + dx, y + dy, z + dz))])
+                        groups->join(at(x, y, z), at(x + dx, y + dy, z + dz));
                 }
             });
-            for (int c = 0; c < 8; ++c) least[size_t(wide)][size_t(c)] = groups->find(at((c & 1) * kSide, (c >> 1 & 1) * kSide, (c >> 2) * kSide));
+            for (int c = 0; c < 8; ++c)
+                least[size_t(wide)][size_t(c)] = groups->find(at((c & 1) * kSide, (c >> 1 & 1) * kSide, (c >> 2) * kSide));
         }
         const auto same = [](const std::array<int, 8>& groups, size_t a, size_t b) { return groups[a] == groups[b]; };
         const auto joined = join_corners_within(values, case_of(values));
@@ -93,7 +95,8 @@ TEST(CellInterior, JoinsWhatALatticeJoins) {
 }
 
 TEST(CellInterior, NothingIsJoinedByWhatIsNotFinite) {
-    for (const double special : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()}) {
+    for (const double special :
+         {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()}) {
         CellValues values = {5, -1, -1, -1, -1, -1, -1, 5};
         values[3] = special;
         const auto joined = join_corners_within(values, case_of(values));

@@ -22,8 +22,15 @@ int32_t brick_of(int32_t c) { return c & ~(kFieldBrickSide - 1); }
 // Bricks of a function; those that `wanted` does not name are constant.
 class FunctionBricks : public FieldBrickSource {
 public:
-    FunctionBricks(GridPlacement placement, Place least, Place end, std::function<float(const Place&)> value, std::function<bool(const Place&)> wanted, std::function<float(const Place&)> absent)
-        : placement_(placement), least_(least), end_(end), value_(std::move(value)), wanted_(std::move(wanted)), absent_(std::move(absent)), k_(least[2]) {}
+    FunctionBricks(GridPlacement placement, Place least, Place end, std::function<float(const Place&)> value,
+                   std::function<bool(const Place&)> wanted, std::function<float(const Place&)> absent)
+        : placement_(placement),
+          least_(least),
+          end_(end),
+          value_(std::move(value)),
+          wanted_(std::move(wanted)),
+          absent_(std::move(absent)),
+          k_(least[2]) {}
 
     const GridPlacement& placement() const override { return placement_; }
     float background() const override { return absent_(least_); }
@@ -64,7 +71,8 @@ GridPlacement leaning_placement(bool mirrored) {
 }
 
 // A narrow band of distances to a sphere: bricks that hold a sample of it, constants of half the band's width elsewhere.
-FunctionBricks sphere_band(const GridPlacement& placement, const Vec3d& center, double radius, double half_width, const Place& least, const Place& end) {
+FunctionBricks sphere_band(const GridPlacement& placement, const Vec3d& center, double radius, double half_width, const Place& least,
+                           const Place& end) {
     const auto distance = [=](const Place& p) { return (placement.world_from_index(Vec3d(p[0], p[1], p[2])) - center).norm() - radius; };
     const auto wanted = [=](const Place& corner) {
         for (int32_t z = 0; z < 8; ++z)
@@ -84,7 +92,8 @@ std::map<std::array<float, 3>, int> places_of(std::span<const Vec3f> positions) 
     for (const Vec3f& p : positions) ++places[{p.x(), p.y(), p.z()}];
     return places;
 }
-std::map<std::array<std::array<float, 3>, 3>, int> triangles_of(std::span<const Vec3f> positions, std::span<const std::array<uint32_t, 3>> triangles) {
+std::map<std::array<std::array<float, 3>, 3>, int> triangles_of(std::span<const Vec3f> positions,
+                                                                std::span<const std::array<uint32_t, 3>> triangles) {
     std::map<std::array<std::array<float, 3>, 3>, int> found;
     for (const auto& t : triangles) {
         std::array<std::array<float, 3>, 3> corners;
@@ -101,7 +110,8 @@ TEST(ContourBricks, SphereInANarrowBand) {
         const Vec3d center = placement.world_from_index({3.0, -5.0, 11.0});
         FunctionBricks source = sphere_band(placement, center, 9.0, 2.5, {-64, -64, -64}, {64, 64, 64});
         SurfaceCollector sink;
-        const ContourReport report = contour_bricks(source, {.isovalues = {0.0}, .inside = ContourInside::below, .normals = true, .threads = 2}, sink);
+        const ContourReport report =
+            contour_bricks(source, {.isovalues = {0.0}, .inside = ContourInside::below, .normals = true, .threads = 2}, sink);
         const SurfaceShape shape = shape_of(sink.positions, sink.triangles);
         EXPECT_EQ(shape.fault, "");
         EXPECT_EQ(shape.boundary_edges, 0u);
@@ -126,7 +136,10 @@ TEST(ContourBricks, SameSurfaceAsTheWholeGrid) {
             Random random(mix_bits(seed) ^ uint64_t(uint32_t(p[0])) ^ uint64_t(uint32_t(p[1])) << 20 ^ uint64_t(uint32_t(p[2])) << 40);
             return float(random.uniform(-1.0, 1.0));
         };
-        const auto wanted = [=](const Place& corner) { return mix_bits(seed + uint64_t(uint32_t(corner[0]) * 31u + uint32_t(corner[1]) * 1009u + uint32_t(corner[2]) * 70001u)) % 3 != 0; };
+        const auto wanted = [=](const Place& corner) {
+            return mix_bits(seed + uint64_t(uint32_t(corner[0]) * 31u + uint32_t(corner[1]) * 1009u + uint32_t(corner[2]) * 70001u)) % 3 !=
+                   0;
+        };
         const auto absent = [](const Place&) { return -0.75f; };
         const Place least = {-16, -8, -24}, end = {24, 24, 16};
         ScalarGrid grid{.placement = {.origin = Vec3d(least[0] - 1, least[1] - 1, least[2] - 1)}, .size = {}, .values = {}};
@@ -150,7 +163,8 @@ TEST(ContourBricks, SameSurfaceAsTheWholeGrid) {
         const SurfaceShape shape = shape_of(sink.positions, sink.triangles);
         EXPECT_EQ(shape.fault, "");
         EXPECT_EQ(shape.boundary_edges, 0u);
-        EXPECT_EQ(shape.euler, shape_of({mesh.positions.data(), mesh.positions.size()}, {mesh.triangles.data(), mesh.triangles.size()}).euler);
+        EXPECT_EQ(shape.euler,
+                  shape_of({mesh.positions.data(), mesh.positions.size()}, {mesh.triangles.data(), mesh.triangles.size()}).euler);
 
         // The same bytes on any number of threads.
         for (int threads = 2; threads <= 4; ++threads) {
@@ -159,6 +173,13 @@ TEST(ContourBricks, SameSurfaceAsTheWholeGrid) {
             SurfaceCollector other;
             contour_bricks(again, settings, other);
             EXPECT_TRUE(other.positions == sink.positions && other.triangles == sink.triangles && other.normals == sink.normals);
+            // Without normals a layer is read while the one before is on its way.
+            settings.normals = false;
+            FunctionBricks ahead({}, least, end, value, wanted, absent);
+            SurfaceCollector bare;
+            contour_bricks(ahead, settings, bare);
+            EXPECT_TRUE(bare.positions == sink.positions && bare.triangles == sink.triangles && bare.normals.empty());
+            settings.normals = true;
         }
         // In memory it is the same.
         FunctionBricks kept({}, least, end, value, wanted, absent);
@@ -178,7 +199,8 @@ TEST(ContourBricks, SameSurfaceAsTheWholeGrid) {
             }
             return out;
         };
-        const std::vector<Vec3f> ours = rounded(sink.positions, shift), theirs = rounded({mesh.positions.data(), mesh.positions.size()}, Vec3d::Zero());
+        const std::vector<Vec3f> ours = rounded(sink.positions, shift),
+                                 theirs = rounded({mesh.positions.data(), mesh.positions.size()}, Vec3d::Zero());
         size_t unlike = 0, triangles_unlike = 0;
         const auto there = places_of(theirs);
         for (const auto& [place, count] : places_of(ours)) unlike += there.count(place) == 0;
@@ -244,6 +266,26 @@ FieldBrickLayer layer_of(int32_t k, std::vector<std::array<int32_t, 2>> corners)
     FieldBrickLayer layer{.k = k, .corners = std::move(corners), .values = {}};
     layer.values.assign(layer.corners.size() * kFieldBrickSamples, -1.0f);
     return layer;
+}
+
+// What a source throws comes out, also where its layers are read ahead.
+TEST(ContourBricks, PassesOnWhatTheSourceThrows) {
+    class Broken : public Given {
+    public:
+        using Given::Given;
+        bool next_layer(FieldBrickLayer& out) override {
+            if (++layers_read_ == 3) throw Error(ErrorKind::io, "third layer");
+            return Given::next_layer(out);
+        }
+
+    private:
+        int layers_read_ = 0;
+    };
+    for (const int threads : {1, 2}) {
+        Broken source({layer_of(0, {{0, 0}}), layer_of(8, {{0, 0}}), layer_of(16, {{0, 0}})});
+        SurfaceCollector sink;
+        EXPECT_THROW(contour_bricks(source, {.isovalues = {0.0}, .inside = ContourInside::below, .threads = threads}, sink), Error);
+    }
 }
 
 TEST(ContourBricks, RefusesWhatIsOutOfOrder) {

@@ -16,11 +16,13 @@ namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInfinity = std::numeric_limits<float>::infinity();
 
-ScalarGrid grid_of(const std::array<uint32_t, 3>& size, const std::function<double(const Vec3d&)>& value, const GridPlacement& placement = {}) {
+ScalarGrid grid_of(const std::array<uint32_t, 3>& size, const std::function<double(const Vec3d&)>& value,
+                   const GridPlacement& placement = {}) {
     ScalarGrid grid{.placement = placement, .size = size, .values = {}};
     for (uint32_t k = 0; k < size[2]; ++k)
         for (uint32_t j = 0; j < size[1]; ++j)
-            for (uint32_t i = 0; i < size[0]; ++i) grid.values.push_back(float(value(placement.world_from_index({double(i), double(j), double(k)}))));
+            for (uint32_t i = 0; i < size[0]; ++i)
+                grid.values.push_back(float(value(placement.world_from_index({double(i), double(j), double(k)}))));
     return grid;
 }
 
@@ -61,7 +63,8 @@ GridPlacement leaning_placement(bool mirrored) {
 TEST(ContourGrid, SphereIsWithinItsBoundAndClosed) {
     const double radius = 20.3;
     const Vec3d center(25.1, 24.8, 25.4);
-    const auto found = contour(grid_of({51, 52, 53}, [&](const Vec3d& p) { return (p - center).norm() - radius; }), {.isovalues = {0.0}, .inside = ContourInside::below});
+    const auto found = contour(grid_of({51, 52, 53}, [&](const Vec3d& p) { return (p - center).norm() - radius; }),
+                               {.isovalues = {0.0}, .inside = ContourInside::below});
     const SurfaceShape shape = found.shape();
     EXPECT_EQ(shape.fault, "");
     EXPECT_EQ(shape.boundary_edges, 0u);
@@ -84,7 +87,8 @@ TEST(ContourGrid, LeaningAndMirroredAxesFaceOutside) {
             EXPECT_EQ(placement.is_mirrored(), mirrored);
             const Vec3d center = placement.world_from_index({20.0, 18.0, 22.0});
             const double sign = inside == ContourInside::below ? 1.0 : -1.0;
-            const auto found = contour(grid_of({41, 37, 45}, [&](const Vec3d& p) { return sign * ((p - center).norm() - 5.0); }, placement),
+            const auto found = contour(grid_of(
+                                           {41, 37, 45}, [&](const Vec3d& p) { return sign * ((p - center).norm() - 5.0); }, placement),
                                        {.isovalues = {0.0}, .inside = inside, .normals = true});
             const SurfaceShape shape = found.shape();
             EXPECT_EQ(shape.fault, "");
@@ -103,7 +107,9 @@ TEST(ContourGrid, LeaningAndMirroredAxesFaceOutside) {
 TEST(ContourGrid, PlaneIsExact) {
     const GridPlacement placement = leaning_placement(false);
     const Vec3d normal = Vec3d(0.3, -0.5, 0.8).normalized(), at = placement.world_from_index({5.3, 6.1, 4.7});
-    const auto found = contour(grid_of({12, 13, 11}, [&](const Vec3d& p) { return normal.dot(p - at); }, placement), {.isovalues = {0.0}, .inside = ContourInside::below, .normals = true});
+    const auto found = contour(grid_of(
+                                   {12, 13, 11}, [&](const Vec3d& p) { return normal.dot(p - at); }, placement),
+                               {.isovalues = {0.0}, .inside = ContourInside::below, .normals = true});
     EXPECT_GT(found.mesh.positions.size(), 100u);
     for (size_t v = 0; v < found.mesh.positions.size(); ++v) {
         EXPECT_NEAR(normal.dot(found.mesh.origin + found.mesh.positions[v].cast<double>() - at), 0.0, 2e-6);
@@ -118,7 +124,8 @@ TEST(ContourGrid, PlaneIsExact) {
 ScalarGrid gyroid(uint32_t side) {
     const double scale = 2.0 * std::numbers::pi * 2.0 / side;
     return grid_of({side, side + 3, side - 2}, [&](const Vec3d& p) {
-        return std::sin(scale * p.x()) * std::cos(scale * p.y()) + std::sin(scale * p.y()) * std::cos(scale * p.z()) + std::sin(scale * p.z()) * std::cos(scale * p.x());
+        return std::sin(scale * p.x()) * std::cos(scale * p.y()) + std::sin(scale * p.y()) * std::cos(scale * p.z()) +
+               std::sin(scale * p.z()) * std::cos(scale * p.x());
     });
 }
 
@@ -148,8 +155,12 @@ TEST(ContourGrid, SameBytesForEveryInstructionSet) {
             const SlabSamples samples{.values = grid.values.data(), .first_slice = 0};
             slab.plan(samples, 0, slab.layers());
             const auto part = slab.part_of(0, slab.layers());
-            ContourMesh mesh{.origin = {}, .positions = LargeArray<Vec3f>(part.vertices), .normals = {}, .triangles = LargeArray<std::array<uint32_t, 3>>(part.triangles)};
-            slab.emit(samples, 0, slab.layers(), {.positions = mesh.positions.data(), .normals = nullptr, .triangles = mesh.triangles.data()});
+            ContourMesh mesh{.origin = {},
+                             .positions = LargeArray<Vec3f>(part.vertices),
+                             .normals = {},
+                             .triangles = LargeArray<std::array<uint32_t, 3>>(part.triangles)};
+            slab.emit(samples, 0, slab.layers(),
+                      {.positions = mesh.positions.data(), .normals = nullptr, .triangles = mesh.triangles.data()});
             const std::string bytes = bytes_of(mesh);
             if (first.empty()) first = bytes;
             EXPECT_EQ(bytes == first, true) << name_of(level);
@@ -176,7 +187,8 @@ TEST(ContourGrid, SeveralIsovaluesAreEachItsOwn) {
 }
 
 TEST(ContourGrid, NoCellsNoSurface) {
-    for (const std::array<uint32_t, 3>& size : {std::array<uint32_t, 3>{0, 5, 5}, {1, 5, 5}, {5, 1, 5}, {5, 5, 1}, {5, 0, 5}, {1, 1, 1}, {0, 0, 0}}) {
+    for (const std::array<uint32_t, 3>& size :
+         {std::array<uint32_t, 3>{0, 5, 5}, {1, 5, 5}, {5, 1, 5}, {5, 5, 1}, {5, 0, 5}, {1, 1, 1}, {0, 0, 0}}) {
         const auto found = contour(grid_of(size, [](const Vec3d& p) { return p.x() + p.y() + p.z() - 2.5; }), {.isovalues = {0.0}});
         EXPECT_EQ(found.report.triangles, 0u);
         EXPECT_EQ(found.report.vertices, 0u);
@@ -185,7 +197,8 @@ TEST(ContourGrid, NoCellsNoSurface) {
 
 // Beyond a closed grid all is outside, so that even a single sample has a surface around it, within 2^-10 of the grid.
 TEST(ContourGrid, CloseCapsAtTheBoundary) {
-    for (const std::array<uint32_t, 3>& size : {std::array<uint32_t, 3>{1, 1, 1}, {5, 1, 4}, {70, 6, 5}, {64, 3, 4}, {63, 3, 4}, {62, 3, 4}}) {
+    for (const std::array<uint32_t, 3>& size :
+         {std::array<uint32_t, 3>{1, 1, 1}, {5, 1, 4}, {70, 6, 5}, {64, 3, 4}, {63, 3, 4}, {62, 3, 4}}) {
         const auto found = contour(grid_of(size, [](const Vec3d&) { return 1.0; }), {.isovalues = {0.0}, .close = true, .normals = true});
         const SurfaceShape shape = found.shape();
         EXPECT_EQ(shape.fault, "");
@@ -220,7 +233,8 @@ TEST(ContourGrid, SamplesAtTheIsovalueAreInside) {
     // Fields of few values meet the isovalue at many samples, and faces and interior tie.
     Random random(3);
     for (int n = 0; n < 300; ++n) {
-        const auto ties = contour(grid_of({5, 5, 5}, [&](const Vec3d&) { return double(random.bits() % 3) - 1.0; }), {.isovalues = {0.0}, .inside = n % 2 == 0 ? ContourInside::above : ContourInside::below, .close = true});
+        const auto ties = contour(grid_of({5, 5, 5}, [&](const Vec3d&) { return double(random.bits() % 3) - 1.0; }),
+                                  {.isovalues = {0.0}, .inside = n % 2 == 0 ? ContourInside::above : ContourInside::below, .close = true});
         const SurfaceShape shape = ties.shape();
         ASSERT_EQ(shape.fault, "") << n;
         ASSERT_EQ(shape.boundary_edges, 0u) << n;
@@ -241,7 +255,19 @@ TEST(ContourGrid, WhatIsNotFiniteIsCutInTheMiddle) {
     for (const Vec3f& n : found.mesh.normals) EXPECT_TRUE(n.allFinite());
 
     Random random(8);
-    const float specials[] = {kNan, kInfinity, -kInfinity, 1e30f, -1e30f, 1e-30f, -1e-30f, 1e-42f, -1e-42f, std::numeric_limits<float>::max(), std::numeric_limits<float>::lowest(), 0.0f, -0.0f};
+    const float specials[] = {kNan,
+                              kInfinity,
+                              -kInfinity,
+                              1e30f,
+                              -1e30f,
+                              1e-30f,
+                              -1e-30f,
+                              1e-42f,
+                              -1e-42f,
+                              std::numeric_limits<float>::max(),
+                              std::numeric_limits<float>::lowest(),
+                              0.0f,
+                              -0.0f};
     for (int n = 0; n < 300; ++n) {
         ScalarGrid wild = grid_of({6, 5, 7}, [&](const Vec3d&) { return random.uniform(-1.0, 1.0); });
         uint64_t nan = 0;
@@ -249,7 +275,12 @@ TEST(ContourGrid, WhatIsNotFiniteIsCutInTheMiddle) {
             if (random.uniform() < 0.3) v = specials[random.bits() % std::size(specials)];
             nan += std::isnan(v);
         }
-        const auto wilder = contour(wild, {.isovalues = {n % 3 == 0 ? 0.0 : n % 3 == 1 ? 1e-38 : 0.3}, .inside = n % 2 == 0 ? ContourInside::above : ContourInside::below, .close = n % 5 != 0, .normals = true});
+        const auto wilder = contour(wild, {.isovalues = {n % 3 == 0   ? 0.0
+                                                         : n % 3 == 1 ? 1e-38
+                                                                      : 0.3},
+                                           .inside = n % 2 == 0 ? ContourInside::above : ContourInside::below,
+                                           .close = n % 5 != 0,
+                                           .normals = true});
         const SurfaceShape shape = wilder.shape();
         ASSERT_EQ(shape.fault, "") << n;
         if (n % 5 != 0) ASSERT_EQ(shape.boundary_edges, 0u) << n;

@@ -52,7 +52,8 @@ ScalarGrid smooth_grid(const std::array<uint32_t, 3>& size) {
     for (uint32_t k = 0; k < size[2]; ++k)
         for (uint32_t j = 0; j < size[1]; ++j)
             for (uint32_t i = 0; i < size[0]; ++i)
-                grid.values.push_back(float(std::sin(0.31 * i) * std::cos(0.23 * j) + std::sin(0.27 * k) + 0.2 * random.uniform(-1.0, 1.0)));
+                grid.values.push_back(
+                    float(std::sin(0.31 * i) * std::cos(0.23 * j) + std::sin(0.27 * k) + 0.2 * random.uniform(-1.0, 1.0)));
     grid.values[size_t(size[0]) * size[1] * 7 + 19] = std::numeric_limits<float>::quiet_NaN();
     return grid;
 }
@@ -60,7 +61,8 @@ ScalarGrid smooth_grid(const std::array<uint32_t, 3>& size) {
 TEST(ContourSlices, SameBytesWhateverTheMemory) {
     const ScalarGrid grid = smooth_grid({61, 33, 90});
     for (const bool close : {false, true}) {
-        ContourSettings settings{.isovalues = {0.125, -0.5}, .close = close, .normals = true, .colors = {{255, 0, 0, 255}, {0, 255, 0, 255}}, .threads = 2};
+        ContourSettings settings{
+            .isovalues = {0.125, -0.5}, .close = close, .normals = true, .colors = {{255, 0, 0, 255}, {0, 255, 0, 255}}, .threads = 2};
         std::string whole;
         ContourReport whole_report;
         for (const uint64_t memory : {uint64_t{1} << 30, uint64_t{1} << 21, uint64_t{1} << 20, uint64_t{400000}}) {
@@ -103,7 +105,10 @@ TEST(ContourSlices, SameBytesAsTheGridInMemory) {
     ContourMesh mesh;
     contour_grid(grid.placement, grid.size, grid.values, settings, mesh);
     EXPECT_EQ(sink.origin, mesh.origin);
-    EXPECT_EQ(bytes_of(sink) == bytes_of(mesh.positions.data(), mesh.positions.size()) + bytes_of(mesh.normals.data(), mesh.normals.size()) + bytes_of(mesh.triangles.data(), mesh.triangles.size()), true);
+    EXPECT_EQ(bytes_of(sink) == bytes_of(mesh.positions.data(), mesh.positions.size()) +
+                                    bytes_of(mesh.normals.data(), mesh.normals.size()) +
+                                    bytes_of(mesh.triangles.data(), mesh.triangles.size()),
+              true);
 }
 
 TEST(ContourSlices, ColorsAreThoseOfTheirIsovalue) {

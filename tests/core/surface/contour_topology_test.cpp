@@ -102,7 +102,8 @@ TEST(ContourTopology, RandomFields) {
         tunnels += report.tunnel_cells;
         ++judged;
     }
-    std::printf("%d fields, %llu ambiguous cells, %llu tunnels, %d not told\n", judged, (unsigned long long)ambiguous, (unsigned long long)tunnels, not_told);
+    std::printf("%d fields, %llu ambiguous cells, %llu tunnels, %d not told\n", judged, (unsigned long long)ambiguous,
+                (unsigned long long)tunnels, not_told);
     EXPECT_LT(not_told, judged / 20);
 }
 

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 
-
 namespace strata {
 namespace {
 
@@ -12,7 +11,8 @@ namespace {
 TEST(LargeArray, KeepsWhatItHoldsAsItGrows) {
     LargeArray<uint32_t> array;
     size_t filled = 0;
-    for (const size_t size : {size_t{1}, size_t{1000}, size_t{500000}, size_t{524288}, size_t{524289}, size_t{3000000}, size_t{3000001}, size_t{9000000}, size_t{10}, size_t{9000000}}) {
+    for (const size_t size : {size_t{1}, size_t{1000}, size_t{500000}, size_t{524288}, size_t{524289}, size_t{3000000}, size_t{3000001},
+                              size_t{9000000}, size_t{10}, size_t{9000000}}) {
         array.resize(size);
         ASSERT_EQ(array.size(), size);
         for (; filled < size; ++filled) array[filled] = uint32_t(filled) * 2654435761u;

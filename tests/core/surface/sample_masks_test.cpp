@@ -33,11 +33,13 @@ std::vector<float> samples_around(double isovalue, size_t n, uint64_t seed) {
 }
 
 TEST(SampleMasks, LevelsCompareAsIsovaluesDo) {
-    const double isovalues[] = {0.0, -0.0, 0.1, -0.1, 1.0, 1.0 / 3.0, 1e-50, -1e-50, 1e-40, 3.4e38, double(kMost), 3.5e38, -3.5e38, 1e300, -1e300, 16777217.0};
+    const double isovalues[] = {0.0,   -0.0,   0.1,           -0.1,   1.0,     1.0 / 3.0, 1e-50,  -1e-50,
+                                1e-40, 3.4e38, double(kMost), 3.5e38, -3.5e38, 1e300,     -1e300, 16777217.0};
     for (const double isovalue : isovalues)
         for (const bool below : {false, true}) {
             const float level = level_of(isovalue, below);
-            std::vector<float> samples = {0.0f, -0.0f, kInfinity, -kInfinity, kMost, -kMost, 1e-45f, -1e-45f, 0.1f, -0.1f, 16777216.0f, 16777218.0f};
+            std::vector<float> samples = {0.0f,   -0.0f,   kInfinity, -kInfinity, kMost,       -kMost,
+                                          1e-45f, -1e-45f, 0.1f,      -0.1f,      16777216.0f, 16777218.0f};
             for (const float v : {level, std::nextafter(level, kInfinity), std::nextafter(level, -kInfinity)}) samples.push_back(v);
             for (const float v : samples)
                 EXPECT_EQ(below ? v <= level : v >= level, below ? double(v) <= isovalue : double(v) >= isovalue) << isovalue << ", " << v;
