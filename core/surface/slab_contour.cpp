@@ -27,8 +27,10 @@ struct SlabContour::Findings {
 namespace {
 
 using U32x8 = uint32_t __attribute__((vector_size(32)));
+#if !defined(__clang__)
 using U32x16 = uint32_t __attribute__((vector_size(64)));
 using U8x16 = uint8_t __attribute__((vector_size(16)));
+#endif
 
 constexpr double kOutside = -std::numeric_limits<double>::infinity();  // the value of samples beyond a closed grid
 
@@ -51,6 +53,20 @@ inline unsigned two_bits(const uint64_t* row, size_t i) {
         const size_t w = i / 64, bit = i % 64;
         return unsigned(row[w] >> bit | row[w + 1] << 1 << (63 - bit)) & 3;
     }
+}
+
+// All 16 of the ids in the places of vertices: one instruction of AVX-512, for which Clang has no word.
+inline void put_permuted(const std::array<uint32_t, 16>& ids, const std::array<uint8_t, 16>& vertices, uint32_t* out) {
+#if defined(__clang__)
+    for (size_t v = 0; v < 16; ++v) out[v] = ids[vertices[v]];
+#else
+    U8x16 places;
+    U32x16 all;
+    std::memcpy(&places, vertices.data(), sizeof places);
+    std::memcpy(&all, ids.data(), sizeof all);
+    all = __builtin_shuffle(all, __builtin_convertvector(places, U32x16));
+    std::memcpy(out, &all, sizeof all);
+#endif
 }
 
 inline uint64_t next_bits(const uint64_t* row, size_t w) { return row[w] >> 1 | row[w + 1] << 63; }
@@ -353,12 +369,7 @@ struct SlabKernel {
                             const std::array<uint8_t, 16>& vertices = plain.vertices[cell_case];
                             if (end - triangle >= 16) {
                                 if constexpr (kPermute) {
-                                    U8x16 narrow;
-                                    U32x16 all;
-                                    std::memcpy(&narrow, vertices.data(), sizeof narrow);
-                                    std::memcpy(&all, ids.data(), sizeof all);
-                                    all = __builtin_shuffle(all, __builtin_convertvector(narrow, U32x16));
-                                    std::memcpy(triangle, &all, sizeof all);
+                                    put_permuted(ids, vertices, triangle);
                                 } else {
                                     for (size_t v = 0; v < 6; ++v) triangle[v] = ids[vertices[v]];
                                     if (count > 2)
