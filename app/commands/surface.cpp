@@ -146,19 +146,23 @@ struct Written {
     double seconds = 0.0;
 };
 
-nlohmann::ordered_json report_json(const std::string& path, const Written& written, const SurfaceInput& input) {
+// Voxels enclose what they fill, although where their materials meet each has vertices of its own. What can be seen through is open there.
+bool has_volume(const SurfaceReport& surface, SurfaceMethod method, const SurfaceRequest& request) {
+    return surface.is_closed() || (method == SurfaceMethod::cubes && request.transparent.empty());
+}
+
+nlohmann::ordered_json report_json(const std::string& path, const Written& written, const SurfaceInput& input, const SurfaceRequest& request) {
     const SurfaceReport& surface = written.surface;
     const bool cubes = input.method() == SurfaceMethod::cubes;
     nlohmann::ordered_json report = {{"output", path}, {"method", cubes ? "cubes" : "marching-cubes"}, {"vertices", surface.vertices}, {"triangles", surface.triangles}, {"quads", surface.quads}};
-    // Voxels enclose what they fill, although where their materials meet each has vertices of its own.
-    add_surface(surface, surface.is_closed() || cubes, report);
+    add_surface(surface, has_volume(surface, input.method(), request), report);
     report["bounds"] = box_json(surface.bounds);
     input.add_to(report);
     report.update({{"seconds", written.seconds}, {"peak_memory_bytes", peak_memory_bytes()}, {"output_bytes", written.bytes}, {"notes", input.notes}});
     return report;
 }
 
-void print_summary(const std::string& path, const Written& written) {
+void print_summary(const std::string& path, const Written& written, bool has_volume) {
     const SurfaceReport& surface = written.surface;
     std::string faces = with_commas(surface.triangles) + " triangles";
     if (surface.quads > 0) faces = with_commas(surface.quads) + " quads" + (surface.triangles > 0 ? ", " + faces : "");
@@ -168,7 +172,7 @@ void print_summary(const std::string& path, const Written& written) {
     if (surface.nonmanifold_edges > 0) edges += ", " + with_commas(surface.nonmanifold_edges) + " edges of more than two faces";
     std::fprintf(stderr, "  %s %s, Euler characteristic %lld, %s, area %.6g", with_commas(surface.components).c_str(), surface.components == 1 ? "component" : "components",
                  static_cast<long long>(surface.euler_characteristic), edges.c_str(), surface.area);
-    if (surface.is_closed()) std::fprintf(stderr, ", volume %.6g", surface.volume);
+    if (has_volume) std::fprintf(stderr, ", volume %.6g", surface.volume);
     std::fputc('\n', stderr);
 }
 
@@ -202,8 +206,8 @@ int run(const Options& options) {
     for (const std::string& note : input->notes)
         if (!quiet) std::fprintf(stderr, "note: %s\n", printable(note).c_str());
     // Names from a file may be of any encoding; JSON is UTF-8.
-    if (json) std::printf("%s\n", report_json(path, written, *input).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
-    else if (!quiet) print_summary(path, written);
+    if (json) std::printf("%s\n", report_json(path, written, *input, request).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+    else if (!quiet) print_summary(path, written, has_volume(written.surface, input->method(), request));
     return 0;
 }
 

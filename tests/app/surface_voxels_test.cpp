@@ -111,12 +111,23 @@ TEST_F(SurfaceOfVoxels, ColorsThatCanBeSeenThrough) {
         words.insert(words.begin(), {in, "-o", file("a.ply"), "--method", "cubes", "--voxel-size", "1"});
         return surface(words);
     };
-    EXPECT_EQ(cubes({})["faces_culled"], 4 * 4 + 2);
+    const json opaque = cubes({});
+    EXPECT_EQ(opaque["faces_culled"], 4 * 4 + 2);
+    EXPECT_DOUBLE_EQ(opaque["volume"].get<double>(), 4.0);
     // Red and blue have a face towards the green glass, which has none towards them, nor within.
     const json glass = cubes({"--transparent", "00ff00:90"});
     EXPECT_EQ(glass["faces_culled"], 4 * 4 + 2 + 2);
+    EXPECT_TRUE(glass["volume"].is_null()) << "the glass is open at both ends: " << glass["volume"];
     const TriangleMesh mesh = read_mesh(file("a.ply"));
     for (const auto& color : mesh.colors) EXPECT_EQ(color[3], color[1] == 255 ? 90 : 255);
+    const auto summary = [&](std::vector<std::string> words) {
+        words.insert(words.begin(), {"surface", in, "-o", file("a.ply"), "--overwrite", "--method", "cubes", "--voxel-size", "1"});
+        return run_strata(words).err;
+    };
+    EXPECT_NE(summary({}).find(", volume 4\n"), std::string::npos) << summary({});
+    EXPECT_EQ(summary({"--transparent", "00ff00:90"}).find("volume"), std::string::npos);
+    // All of glass: one closed part that is as large as its voxels.
+    EXPECT_DOUBLE_EQ(cubes({"--transparent", "ff0000:90,00ff00:90,0000ff:90"})["volume"].get<double>(), 4.0);
     // Of two that can be seen through both have one.
     EXPECT_EQ(cubes({"--transparent", "00ff00:90,0000ff:0"})["faces_culled"], 4 * 4 + 2 + 3);
 
