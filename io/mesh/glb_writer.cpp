@@ -59,6 +59,7 @@ public:
             if (colors_) {
                 const auto& c = piece.colors[i];
                 vertices_.put(std::array<uint16_t, 4>{linear_[c[0]], linear_[c[1]], linear_[c[2]], uint16_t(c[3] * 257)});
+                is_seen_through_ |= c[3] < 255;
             }
         }
         count_ += piece.positions.size();
@@ -124,6 +125,7 @@ private:
         document["accessors"] = accessors;
         const double gray = colors_ ? 1.0 : 0.6;
         document["materials"] = {{{"pbrMetallicRoughness", {{"baseColorFactor", {gray, gray, gray, 1.0}}, {"metallicFactor", 0.0}, {"roughnessFactor", 1.0}}}, {"doubleSided", true}}};
+        if (is_seen_through_) document["materials"][0]["alphaMode"] = "BLEND";  // else the alpha of colors is not looked at
         document["buffers"] = {{{"byteLength", vertex_bytes + faces_.size()}}};
         document["bufferViews"] = {{{"buffer", 0}, {"byteLength", vertex_bytes}, {"byteStride", stride_}, {"target", kArrayBuffer}},
                                    {{"buffer", 0}, {"byteOffset", vertex_bytes}, {"byteLength", faces_.size()}, {"target", kElementArrayBuffer}}};
@@ -139,6 +141,7 @@ private:
     std::optional<Vec3d> origin_;       // world: of positions in the file
     Vec3f least_ = Vec3f::Constant(std::numeric_limits<float>::max()), greatest_ = Vec3f::Constant(std::numeric_limits<float>::lowest());
     uint64_t count_ = 0;
+    bool is_seen_through_ = false;      // a color of less than full opacity came
 };
 
 }  // namespace

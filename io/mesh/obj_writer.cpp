@@ -27,8 +27,10 @@ public:
             begin("v");
             const Vec3d position = piece.origin + piece.positions[i].cast<double>();
             for (const double part : position) number(part, decimals_);
-            if (colors_)
+            if (colors_) {
                 for (size_t k = 0; k < 3; ++k) number(piece.colors[i][k] / 255.0, 4);
+                loses_opacity_ |= piece.colors[i][3] < 255;
+            }
             end();
             if (!normals_) continue;
             begin("vn");
@@ -43,6 +45,11 @@ public:
         bytes_.flush();
         file_.commit(durability);
         return bytes_.size();
+    }
+
+    std::vector<std::string> notes() const override {
+        if (!loses_opacity_) return {};
+        return {"OBJ has no opacity of vertices: what could be seen through is opaque; .ply and .glb keep it"};
     }
 
 private:
@@ -88,6 +95,7 @@ private:
     GatheredBytes bytes_;
     bool normals_, colors_;
     int decimals_;
+    bool loses_opacity_ = false;
     char line_[kLongestLine];
     char* at_ = line_;
 };

@@ -36,6 +36,7 @@ struct Tube {
     double size = 1.0;
     uint32_t around = 12, rings = 9;
     bool one_origin = true;
+    uint8_t opacity = 255;  // of the last vertex
 
     struct Piece {
         Vec3d origin;
@@ -62,7 +63,7 @@ struct Tube {
         ends.origin = at;
         ends.positions = {{0, 0, 0}, {0, 0, float(size * (rings - 1))}};
         ends.normals = {{0, 0, -1}, {0, 0, 0}};
-        ends.colors = {{0, 0, 0, 255}, {255, 255, 255, 255}};
+        ends.colors = {{0, 0, 0, 255}, {255, 255, 255, opacity}};
         for (uint32_t i = 0; i < around; ++i) {
             ends.triangles.push_back({around * rings, (i + 1) % around, i});
             ends.triangles.push_back({around * rings + 1, around * (rings - 1) + i, around * (rings - 1) + (i + 1) % around});
@@ -177,6 +178,20 @@ TEST_P(SurfaceFile, IsWholeOrAbsent) {
     EXPECT_THROW(make_surface_writer(path_, {.scratch_folder = folder_.path(), .positions = &positions}), Error) << "it exists";
 }
 
+// One vertex of glass among others: its opacity is kept, or its loss said.
+TEST_P(SurfaceFile, KeepsOpacityOrSaysThatItIsLost) {
+    const std::vector<std::string> notes = write(path_, {.opacity = 90}, true);
+    const TriangleMesh mesh = read_mesh(path_);
+    if (is_stl_ || is_obj_) {
+        ASSERT_EQ(notes.size(), 1u);
+        EXPECT_NE(notes[0].find(is_obj_ ? "OBJ has no opacity" : "STL has no colors"), std::string::npos) << notes[0];
+        return;
+    }
+    EXPECT_TRUE(notes.empty());
+    EXPECT_EQ(mesh.colors.back()[3], 90);
+    EXPECT_EQ(mesh.colors.front()[3], 255);
+}
+
 INSTANTIATE_TEST_SUITE_P(Formats, SurfaceFile, testing::Values(".ply", ".obj", ".stl"), [](const auto& at) { return std::string(at.param).substr(1); });
 
 TEST(SurfaceNames, EndingsInAnyCaseTellTheFormat) {
@@ -226,6 +241,22 @@ TEST(GlbWriter, IsOneFileOfTwoChunks) {
     std::memcpy(&size, empty.data() + 8, 4);
     EXPECT_EQ(size, empty.size());
     EXPECT_EQ(nlohmann::json::parse(empty.substr(20)).count("meshes"), 0u);
+}
+
+// Section 3.9.4 of glTF 2.0: the alpha of colors shows only by BLEND or MASK; what is opaque needs no sorting.
+TEST(GlbWriter, BlendsWhatCanBeSeenThrough) {
+    const TemporaryFolder folder;
+    const auto material = [&](const Tube& tube, bool attributes) {
+        write(folder.file("out.glb"), tube, attributes);
+        const std::string file = test::file_contents(folder.file("out.glb"));
+        uint32_t json_bytes;
+        std::memcpy(&json_bytes, file.data() + 12, 4);
+        return nlohmann::json::parse(file.substr(20, json_bytes))["materials"][0];
+    };
+    EXPECT_FALSE(material(Tube(), true).contains("alphaMode"));
+    EXPECT_FALSE(material({.opacity = 90}, false).contains("alphaMode")) << "no color was written";
+    EXPECT_EQ(material({.opacity = 254}, true)["alphaMode"], "BLEND");
+    EXPECT_EQ(material({.opacity = 0}, true)["alphaMode"], "BLEND");
 }
 
 // Another program's reader finds the same surface, by way of the node's rotation and translation.
