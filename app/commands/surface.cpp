@@ -29,7 +29,7 @@ constexpr OptionRow kRows[] = {
     {"--iso", "-i", "V,...", "", "isovalues: the surface where values cross V; several make one mesh of several colors. Needed for volumes and fog volumes; of a level set 0 if not given"},
     {"--method", "", "METHOD", "", "marching-cubes (of volumes and .vdb files, where the default), or cubes: faces of voxels, merged to rectangles (of .svo files, where the default). Either of voxels that are made of points or a mesh first; marching-cubes of voxels is of the share of each cell that is occupied, at 0.5"},
     {"--inside", "", "SIDE", "", "above or below: where values are greater or less than the isovalue the surface is solid; default: above, of a level set below"},
-    {"--close", "", "", "", "close the surface where it meets the boundary of the volume"},
+    {"--close", "", "", "", "of volumes: close the surface where it meets the boundary"},
     {"--normals", "-n", "", "", "normals of vertices, from the gradient of the values; of cubes those of faces, which then share vertices only where they look the same way"},
     {"--voxel-size", "-s", "UNITS", "", "side of the voxels to make of points or a mesh, CRS units; of a .svo file the coarsest cells that are no larger"},
     {"--radius", "", "UNITS", "", "of points: the surface around balls of this radius, closed whatever the points are; samples lie --voxel-size apart, half the radius if not given"},

@@ -344,6 +344,11 @@ private:
 };
 
 std::unique_ptr<SurfaceInput> surface_of_voxels(SurfaceVoxels voxels, SurfaceMethod method, const SurfaceRequest& request) {
+// What is stored sparsely ends before its grid does, and cubes are closed.
+void refuse_close(const SurfaceRequest& request) {
+    if (request.close) throw Error(ErrorKind::usage, "--close is for volumes; this surface meets no boundary");
+}
+
     if (method == SurfaceMethod::cubes) return std::make_unique<CubesInput>(std::move(voxels), request);
     return std::make_unique<CoverageInput>(std::move(voxels), request);
 }
@@ -371,9 +376,11 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
             throw Error(ErrorKind::usage, "--radius is not for " + std::string(kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : "values on a grid") + "; it is for points");
         if (kind == FormatKind::volume) return std::make_unique<VolumeInput>(word, request);
         if (kind == FormatKind::voxels) return surface_of_file(word, request.method.value_or(SurfaceMethod::cubes), request);
+        refuse_close(request);
         if (kind == FormatKind::grids && !cubes) return std::make_unique<GridInput>(word, request);
     }
     if (request.radius) {
+    refuse_close(request);  // folders of points
         if (cubes) throw Error(ErrorKind::usage, "--radius makes a surface of balls, --method cubes one of voxels");
         return std::make_unique<BallsInput>(words, request);
     }

@@ -137,6 +137,24 @@ TEST_F(SurfaceOfVoxels, ColorsThatCanBeSeenThrough) {
     refuse({ball(), "--transparent", "00ff00:9"}, "the voxels have no colors");
 }
 
+// Only the surface of a volume can meet a boundary.
+TEST_F(SurfaceOfVoxels, CloseIsForVolumes) {
+    const std::string in = row(), voxels = ball(), said = "--close is for volumes";
+    refuse({in, "--close", "--radius", "0.5"}, said);
+    refuse({in, "--close", "--method", "cubes", "--voxel-size", "1"}, said);
+    refuse({in, "--close", "--method", "marching-cubes", "--voxel-size", "1"}, said);
+    refuse({in, in, "--close", "--radius", "0.5"}, said);
+    refuse({file("ball.obj"), "--close", "--method", "cubes", "--voxel-size", "1"}, said);
+    refuse({voxels, "--close"}, said);
+    refuse({voxels, "--close", "--method", "marching-cubes"}, said);
+    ASSERT_EQ(run_strata({"convert", in, file("lod"), "--quiet"}).exit_code, 0);
+    refuse({file("lod"), "--close", "--radius", "0.5"}, said);
+    const ProgramResult grid = run_strata({"voxelize", file("ball.obj"), "-o", file("ball.vdb"), "--kind", "level-set", "--resolution", "32", "--quiet"});
+    if (grid.exit_code != 0) GTEST_SKIP() << "grids are not tested: " << grid.err;
+    refuse({file("ball.vdb"), "--close"}, said);
+    refuse({file("ball.vdb"), "--close", "--method", "cubes"}, said);
+}
+
 // Four points in a row, a unit apart: four balls, or one body.
 TEST_F(SurfaceOfVoxels, BallsAroundPoints) {
     const std::string in = row();
