@@ -18,6 +18,8 @@ constexpr std::pair<std::string_view, IsosurfaceColors::Rule> kRules[] = {
 
 }  // namespace
 
+Rgba8 isosurface_color(size_t number) { return kPlain[number % kPlain.size()]; }
+
 IsosurfaceColors::IsosurfaceColors(const FieldBricks& field, std::string_view name, size_t number, std::optional<ColorRange> range,
                                    std::string_view colormap) {
     if (name.empty()) name = "plain";
@@ -26,7 +28,7 @@ IsosurfaceColors::IsosurfaceColors(const FieldBricks& field, std::string_view na
         throw Error(ErrorKind::usage, "isosurfaces have no '" + std::string(name) + "'; expected elevation, normal or plain");
     name_ = name;
     rule_ = found->second;
-    table_.fill(kPlain[number % kPlain.size()]);
+    table_.fill(isosurface_color(number));
     if (rule_ != Rule::elevation) return;
     table_ = Colormap(colormap.empty() ? "fjord" : colormap).colors();
     range_ = range ? *range : ColorRange{field.bounds().min.z(), field.bounds().max.z()};

@@ -12,6 +12,10 @@
 
 namespace strata {
 
+/// The plain color of an isosurface, opaque: the first as voxels and meshes have it, the next five others, and so on over and over.
+/// number  of the surface in a scene, or of the isovalue in a mesh
+Rgba8 isosurface_color(size_t number);
+
 /// Colors of isosurfaces, before light. Safe from several threads.
 class IsosurfaceColors {
 public:
@@ -22,7 +26,7 @@ public:
     };
 
     /// name      elevation, normal or plain; empty: plain
-    /// number    of the surface in a scene: the first is plain as voxels and meshes are, others differ
+    /// number    of the surface in a scene, for isosurface_color()
     /// range     of elevation; none: from the field's bounds
     /// colormap  empty: the channel's own
     /// throws    Error{usage}: there is no such channel

@@ -22,14 +22,12 @@
 #include "io/format.h"
 #include "io/svo/svo_file.h"
 #include "io/vdb/vdb_field.h"
+#include "render/isosurface_model.h"
 
 namespace strata {
 namespace {
 
 using nlohmann::ordered_json;
-
-// Surfaces of several isovalues are told apart by these, over and over.
-constexpr std::array<std::array<uint8_t, 4>, 6> kIsoColors = {{{230, 200, 170, 255}, {120, 170, 220, 255}, {150, 200, 120, 255}, {220, 130, 110, 255}, {190, 150, 210, 255}, {210, 210, 110, 255}}};
 
 /// A surface by isovalues.
 class ContourInput : public SurfaceInput {
@@ -63,10 +61,13 @@ protected:
         for (const auto& [given, flag] : {std::pair(request.voxel_size.has_value(), "--voxel-size"), std::pair(request.error.has_value(), "--error")})
             if (given) throw Error(ErrorKind::usage, std::string(flag) + " is for voxels; here the grid says where samples lie");
     }
-    // After the isovalues are known.
+    // After the isovalues are known: those that render shows them in.
     void set_colors() {
         if (settings_.isovalues.size() < 2) return;
-        for (size_t i = 0; i < settings_.isovalues.size(); ++i) settings_.colors.push_back(kIsoColors[i % kIsoColors.size()]);
+        for (size_t i = 0; i < settings_.isovalues.size(); ++i) {
+            const Rgba8 color = isosurface_color(i);
+            settings_.colors.push_back({red_of(color), green_of(color), blue_of(color), alpha_of(color)});
+        }
     }
     // least, greatest  of all values
     void say_what_was_found(const ContourReport& found, double least, double greatest) {
@@ -343,12 +344,12 @@ private:
     Box3d points_box_;
 };
 
-std::unique_ptr<SurfaceInput> surface_of_voxels(SurfaceVoxels voxels, SurfaceMethod method, const SurfaceRequest& request) {
 // What is stored sparsely ends before its grid does, and cubes are closed.
 void refuse_close(const SurfaceRequest& request) {
     if (request.close) throw Error(ErrorKind::usage, "--close is for volumes; this surface meets no boundary");
 }
 
+std::unique_ptr<SurfaceInput> surface_of_voxels(SurfaceVoxels voxels, SurfaceMethod method, const SurfaceRequest& request) {
     if (method == SurfaceMethod::cubes) return std::make_unique<CubesInput>(std::move(voxels), request);
     return std::make_unique<CoverageInput>(std::move(voxels), request);
 }
@@ -375,12 +376,12 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         if (request.radius && kind != FormatKind::points && kind != FormatKind::layered)
             throw Error(ErrorKind::usage, "--radius is not for " + std::string(kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : "values on a grid") + "; it is for points");
         if (kind == FormatKind::volume) return std::make_unique<VolumeInput>(word, request);
-        if (kind == FormatKind::voxels) return surface_of_file(word, request.method.value_or(SurfaceMethod::cubes), request);
         refuse_close(request);
+        if (kind == FormatKind::voxels) return surface_of_file(word, request.method.value_or(SurfaceMethod::cubes), request);
         if (kind == FormatKind::grids && !cubes) return std::make_unique<GridInput>(word, request);
     }
-    if (request.radius) {
     refuse_close(request);  // folders of points
+    if (request.radius) {
         if (cubes) throw Error(ErrorKind::usage, "--radius makes a surface of balls, --method cubes one of voxels");
         return std::make_unique<BallsInput>(words, request);
     }

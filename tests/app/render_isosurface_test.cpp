@@ -64,6 +64,22 @@ TEST_F(RenderIsosurface, TheMeshGivesTheSamePicture) {
     }
 }
 
+// Two nested surfaces, the outer one cut open: each has in the mesh the color that it is shown in.
+TEST_F(RenderIsosurface, TheMeshOfSeveralHasTheSameColors) {
+    ASSERT_EQ(run_strata({"surface", file("bells.mha"), "--iso", "30,60", "-o", file("nested.ply"), "--normals", "--quiet"}).exit_code, 0);
+    const std::vector<std::string> cut = {"--clip-out", "499990,5299990,100,500030,5300007,160"};
+    const auto with_cut = [&](std::vector<std::string> words) {
+        words.insert(words.end(), cut.begin(), cut.end());
+        return render(words);
+    };
+    const ProgramResult mesh = with_cut({file("nested.ply"), "--view", "front", "-o", file("nested.png"), "--stats"});
+    ASSERT_EQ(mesh.exit_code, 0) << mesh.err;
+    std::ofstream(file("nested.json")) << nlohmann::json::parse(mesh.out)["camera"];
+    const ProgramResult rays = with_cut({file("bells.mha"), "--iso", "30,60", "--camera", file("nested.json"), "-o", file("nested_rays.png"),
+                                         "--reference", file("nested.png"), "--threshold", "12"});
+    EXPECT_EQ(rays.exit_code, 0) << rays.err;
+}
+
 TEST_F(RenderIsosurface, SeveralIsovaluesAndWhatIsBesideThem) {
     ASSERT_EQ(run_strata({"surface", file("bells.mha"), "--iso", "80", "-o", file("core.ply"), "--quiet"}).exit_code, 0);
     const ProgramResult two = render({file("bells.mha"), file("core.ply"), "--iso", "30,60", "--clip-out",
