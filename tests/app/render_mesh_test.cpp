@@ -121,6 +121,19 @@ TEST_F(RenderMesh, SamePixelsForAnyThreadsAndStrips) {
     EXPECT_EQ(one, drawn("two.png", {"--threads", "2", "--tile", "11"}));
 }
 
+// Keys that stay are those of the guide's table.
+TEST_F(RenderMesh, TheGuideNamesEveryKeyOfStats) {
+    std::ifstream guide(STRATA_SOURCE_DIR "/docs/guide.md");
+    std::string row;
+    while (std::getline(guide, row) && !row.starts_with("| `render --stats` |")) {}
+    ASSERT_TRUE(guide) << "the guide has no row of render --stats";
+    const ProgramResult result = render({STRATA_SOURCE_DIR "/sample_data/village.las", "-o", file("keys.png"), "--size", "40x30", "--stats"});
+    const nlohmann::json stats = stats_of(result);
+    ASSERT_GT(stats.size(), 10u);
+    for (const auto& [key, value] : stats.items())
+        EXPECT_TRUE(row.find("`" + key + "`") != std::string::npos || row.find("`" + key + " {") != std::string::npos) << key;
+}
+
 // A map of a level square: its depth, its size and its stats.
 TEST_F(RenderMesh, StatsAndDepthSayWhatIsThere) {
     TriangleMesh square;
