@@ -286,7 +286,7 @@ public:
             notes.emplace_back("there are no voxels: the mesh is empty");
             return;
         }
-        CoverageField field(voxels_.tree, voxels_.depth, settings_.threads);
+        CoverageField field(voxels_.tree, voxels_.depth, settings_.threads, settings_.memory_bytes / 2);
         say_what_was_found(contour_bricks(field, settings_, out), 0.0, 1.0);
     }
 

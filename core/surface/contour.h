@@ -69,7 +69,8 @@ ContourReport contour_slices(SliceSource& source, const ContourSettings& setting
 
 /// The same of a sparse field: only cells with a sample in a brick are visited. The surface never meets a boundary, so that there is
 /// nothing to close; `nan_samples`, `least` and `greatest` are those of bricks. Normals are the gradient's.
-/// throws  as contour_slices; Error{malformed}: layers or bricks out of order
+/// throws  as contour_slices; Error{malformed}: layers or bricks out of order; Error{limit}: up to five layers, that being read one of them,
+///         and what is made of them do not fit in memory_bytes
 ContourReport contour_bricks(FieldBrickSource& source, const ContourSettings& settings, SurfaceSink& sink);
 /// In memory, and without colors: `memory_bytes` does not count the surface.
 ContourReport contour_bricks(FieldBrickSource& source, const ContourSettings& settings, ContourMesh& out);

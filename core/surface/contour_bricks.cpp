@@ -121,20 +121,19 @@ public:
         first_corner_ = window_.front().layer.corners.front();
         mesh_.origin = source_.placement().world_from_index(Vec3d(first_corner_[0], first_corner_[1], first_k_));
 
-        std::optional<Cells> cells, above;
         for (int32_t k = first_k_ - kSide;;) {
             read_to(k + 2 * kSide);
-            if (!cells) {
-                cells = make_cells(k);
-                if (cells && crosses_early(*cells)) refuse_absent(*cells);  // no layer was before that it could have come with
+            if (!cells_) {
+                cells_ = make_cells(k);
+                if (cells_ && crosses_early(*cells_)) refuse_absent(*cells_);  // no layer was before that it could have come with
             }
-            above = make_cells(k + kSide);
-            if (cells) pass_on(*cells, above ? &*above : nullptr);
-            if (cells) spare_cells_ = std::move(*cells);
-            cells = std::move(above);
+            above_ = make_cells(k + kSide);
+            if (cells_) pass_on(*cells_, above_ ? &*above_ : nullptr);
+            if (cells_) spare_cells_ = std::move(*cells_);
+            cells_ = std::move(above_);
             for (; !window_.empty() && window_.front().layer.k < k; window_.pop_front())  // k itself is below the next: slopes ask for it
                 spare_samples_ = std::move(window_.front());
-            if (cells) {
+            if (cells_) {
                 k += kSide;
                 continue;
             }
@@ -172,6 +171,7 @@ private:
                                                           ") is out of order or place");
             last_k_ = layer.k;
             if (layer.corners.empty()) continue;
+            check_memory(bytes_of(layer) + levels_.size() * layer.corners.size() * sizeof samples.masks[0]);
             find_masks(samples);
             window_.push_back(std::move(samples));
         }
@@ -182,9 +182,12 @@ private:
         return source_.next_layer(used.layer) ? std::optional(std::move(used)) : std::nullopt;
     }
 
-    // Reads the next layer while this one's surface is made. Slopes ask the source for values meanwhile: then it is not.
+    // Reads the next layer while this one's surface is made. Slopes ask the source for values meanwhile: then it is not. Nor where one like
+    // the last would not fit beside this.
     void read_ahead() {
         if (settings_.threads < 2 || settings_.normals || ended_ || ahead_.valid()) return;
+        const uint64_t wanted = bytes_of(window_.back().layer), spare = bytes_of(spare_samples_.layer);
+        if (bytes_held() + wanted - std::min(wanted, spare) > settings_.memory_bytes) return;
         try {
             ahead_ = std::async(std::launch::async,
                                 [this, used = std::exchange(spare_samples_, {})]() mutable { return next_samples(std::move(used)); });
@@ -289,6 +292,7 @@ private:
         cells.corners = united(cells.corners, all_moved(cells.corners, -1, 0));
         cells.corners = united(cells.corners, all_moved(cells.corners, 0, -1));
         const size_t bricks = cells.corners.size();
+        check_memory(bricks * (sizeof cells.corners[0] + sizeof cells.samples[0] + sizeof neighbors_[0] + levels_.size() * sizeof(Part)));
         cells.samples.resize(bricks);
         find_around(
             cells, {layers[0] != nullptr ? &layers[0]->layer.corners : nullptr, layers[1] != nullptr ? &layers[1]->layer.corners : nullptr},
@@ -410,7 +414,11 @@ private:
             triangles += part.triangles;
         }
         if (next == before && triangles == 0) return;
-        check_memory(cells, above, next - before, triangles);
+        if (sink_ != nullptr) {
+            const uint64_t vertex_bytes = sizeof(Vec3f) * (settings_.normals ? 2 : 1) + (settings_.colors.empty() ? 0 : sizeof settings_.colors[0]);
+            piece_bytes_ = std::max(piece_bytes_, (next - before) * vertex_bytes + triangles * sizeof(std::array<uint32_t, 3>));
+        }
+        check_memory(0);
 
         first_vertex_ = sink_ != nullptr ? before : 0;
         first_triangle_ = sink_ != nullptr ? 0 : report_.triangles;
@@ -459,16 +467,25 @@ private:
                     .quads = {}});
     }
 
-    void check_memory(const Cells& cells, const Cells* above, uint64_t vertices, uint64_t triangles) const {
-        uint64_t bytes = vertices * sizeof(Vec3f) * (settings_.normals ? 2 : 1) + triangles * sizeof(std::array<uint32_t, 3>);
-        bytes += vertices * (settings_.colors.empty() ? 0 : sizeof settings_.colors[0]);
-        for (const Samples& samples : window_)
-            bytes += samples.layer.values.size() * sizeof(float) + samples.masks.size() * sizeof samples.masks[0];
-        for (const Cells* layer : {&cells, above})
-            if (layer != nullptr)
-                bytes +=
-                    layer->corners.size() * (sizeof layer->corners[0] + 2 * sizeof layer->samples[0]) + layer->parts.size() * sizeof(Part);
-        if (bytes > settings_.memory_bytes)
+    static uint64_t bytes_of(const FieldBrickLayer& layer) { return layer.corners.size() * sizeof layer.corners[0] + layer.values.size() * sizeof layer.values[0]; }
+
+    // By layers, their cells, and the surface in them.
+    uint64_t bytes_held() const {
+        uint64_t bytes = piece_bytes_;
+        for (const Samples& samples : window_) bytes += bytes_of(samples.layer) + samples.masks.size() * sizeof samples.masks[0];
+        bytes += bytes_of(spare_samples_.layer) + spare_samples_.masks.size() * sizeof spare_samples_.masks[0];
+        for (const std::optional<Cells>* cells : {&cells_, &above_})
+            if (*cells)
+                bytes += (*cells)->corners.size() * (sizeof (*cells)->corners[0] + sizeof (*cells)->samples[0] + sizeof neighbors_[0]) + (*cells)->constants.size() * sizeof(float) +
+                         (*cells)->parts.size() * sizeof(Part);
+        return bytes;
+    }
+
+    // Before memory is taken.
+    // more  than what is held
+    void check_memory(uint64_t more) {
+        if (bytes_held() + more > settings_.memory_bytes) spare_samples_ = {};
+        if (const uint64_t bytes = bytes_held() + more; bytes > settings_.memory_bytes)
             throw Error(ErrorKind::limit, "a layer of bricks and the surface in it need " + std::to_string(bytes) + " bytes of memory, " +
                                               std::to_string(settings_.memory_bytes) + " are allowed");
     }
@@ -700,7 +717,9 @@ private:
     std::deque<Samples> window_;  // of layers, ascending
     Samples spare_samples_;
     std::future<std::optional<Samples>> ahead_;
+    std::optional<Cells> cells_, above_;  // of the layer that is passed on, and of the next
     Cells spare_cells_;
+    uint64_t piece_bytes_ = 0;  // of the largest so far, whose memory the next ones use
     bool ended_ = false;
     int32_t last_k_ = std::numeric_limits<int32_t>::min();
     int32_t first_k_ = 0;

@@ -15,7 +15,8 @@ constexpr int kBrickDepth = 3;  // 8 cells an axis
 
 }  // namespace
 
-CoverageField::CoverageField(const VoxelTree& tree, int depth, int threads) : tree_(tree), depth_(depth), threads_(threads) {
+CoverageField::CoverageField(const VoxelTree& tree, int depth, int threads, uint64_t memory_bytes)
+    : tree_(tree), depth_(depth), threads_(threads), memory_bytes_(memory_bytes) {
     if (depth < 1 || depth > tree.depth())
         throw Error(ErrorKind::usage, "expected a depth of 1 to " + std::to_string(tree.depth()) + ", got " + std::to_string(depth));
     side_log2_ = std::max(0, depth - kBrickDepth);
@@ -41,11 +42,20 @@ bool CoverageField::next_layer(FieldBrickLayer& out) {
     return !parts_.empty();
 }
 
+// Bricks are counted here, 16 bytes each, before there are samples of them.
+void CoverageField::add_part(const Part& part) {
+    constexpr uint64_t kPartBytes = sizeof(Part) + sizeof(FieldBrickLayer::corners[0]) + kFieldBrickSamples * sizeof(float);
+    if ((parts_.size() + 1) * kPartBytes > memory_bytes_)
+        throw Error(ErrorKind::limit, "a layer of cells needs more than " + std::to_string(parts_.size() * kPartBytes) + " bytes of memory, " +
+                                          std::to_string(memory_bytes_) + " are allowed; coarser cells need less");
+    parts_.push_back(part);
+}
+
 // place  of the node, in units of its own side
 void CoverageField::collect(int level, uint32_t node, const std::array<uint32_t, 3>& place, uint32_t layer) {
     const bool bytes = side_log2_ % 2 == 1;
     const auto add = [&](const std::array<uint32_t, 3>& brick, int byte, bool full) {
-        parts_.push_back({int32_t(brick[1]), int32_t(brick[0]), node, int8_t(byte), full});
+        add_part({int32_t(brick[1]), int32_t(brick[0]), node, int8_t(byte), full});
     };
     if (level == brick_level_ && !bytes) return add(place, -1, false);
     const VoxelLevel& nodes = tree_.levels[size_t(level)];
@@ -73,7 +83,7 @@ void CoverageField::collect_full(int log2_side, const std::array<uint32_t, 3>& p
             const bool rim = k == 0 || k + 1 == side || j == 0 || j + 1 == side;
             if (!rim && i == 1 && side > 2) i = side - 1;  // the bricks between have only full ones around them
             const std::array<uint32_t, 3> brick = {side * place[0] + i, side * place[1] + j, layer};
-            if (touches_empty({brick[0], brick[1], brick[2]})) parts_.push_back({int32_t(brick[1]), int32_t(brick[0]), 0, -1, true});
+            if (touches_empty({brick[0], brick[1], brick[2]})) add_part({int32_t(brick[1]), int32_t(brick[0]), 0, -1, true});
         }
 }
 

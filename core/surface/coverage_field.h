@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "core/surface/scalar_field.h"
@@ -14,13 +15,15 @@ namespace strata {
 /// layers together, and the outsides of full cells; memory for one layer
 class CoverageField : public FieldBrickSource {
 public:
-    /// depth  1 to tree.depth(); at the last one cells are voxels, and values 0 or 1
-    /// throws  Error{usage}: no such depth
-    CoverageField(const VoxelTree& tree, int depth, int threads = 1);
+    /// depth         1 to tree.depth(); at the last one cells are voxels, and values 0 or 1
+    /// memory_bytes  for a layer: 2,072 bytes a brick
+    /// throws        Error{usage}: no such depth
+    CoverageField(const VoxelTree& tree, int depth, int threads = 1, uint64_t memory_bytes = std::numeric_limits<uint64_t>::max());
 
     const GridPlacement& placement() const override { return placement_; }
     float background() const override { return 0.0f; }
     float absent_value(const std::array<int32_t, 3>& corner) const override;
+    /// throws  Error{limit}: the layer takes more memory than allowed; found before its samples take any
     bool next_layer(FieldBrickLayer& out) override;
 
 private:
@@ -32,6 +35,7 @@ private:
         bool full;
     };
 
+    void add_part(const Part& part);
     void collect(int level, uint32_t node, const std::array<uint32_t, 3>& place, uint32_t layer);
     void collect_full(int log2_side, const std::array<uint32_t, 3>& place, uint32_t layer);
     enum class Content : uint8_t { empty, some, full };
@@ -43,6 +47,7 @@ private:
 
     const VoxelTree& tree_;
     int depth_, threads_;
+    uint64_t memory_bytes_;
     int side_log2_, brick_level_;  // bricks an axis; level of the nodes that bricks are, or are bytes of
     GridPlacement placement_;
     uint32_t next_ = 0;  // layer

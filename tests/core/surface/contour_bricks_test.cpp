@@ -1,10 +1,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <functional>
 #include <map>
 #include <string>
+#include <tuple>
 
 #include "core/error.h"
 #include "core/math/random.h"
@@ -320,6 +322,45 @@ TEST(ContourBricks, RefusesWhatIsOutOfOrder) {
     EXPECT_EQ(contour_bricks(none, {.isovalues = {0.0}}, nothing).triangles, 0u);
     Given again({layer_of(0, {{0, 0}})});
     EXPECT_THROW(contour_bricks(again, {.isovalues = {0.0}, .inside = ContourInside::below, .memory_bytes = 1000}, nothing), Error);
+}
+
+// 16 bricks in each of some layers, and no surface. What does not fit is refused before bricks are looked up around others, which masks
+// come before and parts after: only then is a brick that is not given asked for.
+TEST(ContourBricks, CountsLayersBeforeWhatIsMadeOfThem) {
+    struct Asked : Given {
+        using Given::Given;
+        float absent_value(const Place& corner) const override {
+            ++times;
+            return Given::absent_value(corner);
+        }
+        mutable std::atomic<int> times = 0;
+    };
+    std::vector<std::array<int32_t, 2>> corners;
+    for (int32_t j = 0; j < 4; ++j)
+        for (int32_t i = 0; i < 4; ++i) corners.push_back({8 * i, 8 * j});
+    constexpr uint64_t kLayer = 16 * (kFieldBrickSamples * sizeof(float) + sizeof(std::array<int32_t, 2>)), kMasks = 16 * 64;
+    for (const int threads : {1, 3})
+        for (const auto& [layers, memory_bytes, asked] : {std::tuple(1, kLayer, false),                  // not the masks
+                                                         {1, kLayer + kMasks, false},                   // not the cells
+                                                         {9, kLayer + kMasks, false},                   // as soon
+                                                         {9, 4 * (kLayer + kMasks), true},              // not four layers and their cells  
+                                                         {1, kLayer + kMasks + 2 * 25 * 1000, true},    // of two layers of cells, 5^2 bricks each
+                                                         {9, 5 * (kLayer + kMasks) + 2 * 25 * 1000, true}}) {
+            std::vector<FieldBrickLayer> given;
+            for (int32_t k = 0; k < layers; ++k) given.push_back(layer_of(8 * k, corners));
+            Asked source(given);
+            SurfaceCollector sink;
+            const ContourSettings settings{.isovalues = {2.0}, .threads = threads, .memory_bytes = memory_bytes};
+            const bool fits = memory_bytes > uint64_t(std::min(layers, 5)) * (kLayer + kMasks) + 25 * 1000;
+            try {
+                EXPECT_EQ(contour_bricks(source, settings, sink).triangles, 0u);
+                EXPECT_TRUE(fits) << layers << " layers in " << memory_bytes;
+            } catch (const Error& error) {
+                EXPECT_EQ(error.kind, ErrorKind::limit) << error.what();
+                EXPECT_FALSE(fits) << error.what();
+            }
+            EXPECT_EQ(source.times > 0, asked) << layers << " layers in " << memory_bytes;
+        }
 }
 
 }  // namespace

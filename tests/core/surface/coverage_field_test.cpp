@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "core/error.h"
 #include "core/surface/contour.h"
@@ -101,6 +102,26 @@ TEST(CoverageField, RefusesDepthsThatAreNotThere) {
     EXPECT_THROW(CoverageField(tree, 0), Error);
     EXPECT_THROW(CoverageField(tree, 5), Error);
     EXPECT_THROW(CoverageField(VoxelTree{}, 1), Error);
+}
+
+// Half of 64^3 cells: 64 bricks in each of 8 layers.
+TEST(CoverageField, RefusesALayerBeyondItsMemoryBeforeItTakesAny) {
+    const VoxelTree tree = tree_of(random_cube(3, 0.5, 1));
+    constexpr uint64_t kSamples = 64 * kFieldBrickSamples * sizeof(float);
+    FieldBrickLayer layer;
+    CoverageField little(tree, 6, 2, kSamples);  // of these, not of the rest
+    try {
+        little.next_layer(layer);
+        ADD_FAILURE();
+    } catch (const Error& error) {
+        EXPECT_EQ(error.kind, ErrorKind::limit);
+        EXPECT_NE(std::string(error.what()).find("131072 are allowed"), std::string::npos) << error.what();
+    }
+    EXPECT_EQ(layer.values.capacity(), 0u);
+    CoverageField enough(tree, 6, 2, kSamples + 64 * 24);
+    int layers = 0;
+    for (; enough.next_layer(layer); ++layers) EXPECT_EQ(layer.corners.size(), 64u);
+    EXPECT_EQ(layers, 8);
 }
 
 // The surface where half of a cell is filled, of a ball of 100 voxels' radius: closed, and at half the cells' size a quarter as wrong.
