@@ -69,7 +69,9 @@ void EdgeTable::add(uint32_t from, uint32_t to) {
 // A run is as long as the table is large, which is swept at its end; and ends between pieces, as faces of the vertices of one are yet to come.
 void EdgeTable::add_vertices(uint64_t count) {
     if (!keep_all_ && faces_in_run_ >= std::max<uint64_t>(kRunFaces, early_.used / 2)) end_run();
-    late_.resize(late_.size() + size_t(count));
+    const size_t before = late_.size();
+    late_.resize(before + size_t(count));
+    for (size_t i = before; i < late_.size(); ++i) late_[i].count = 0;
 }
 
 void EdgeTable::end_run() {
@@ -80,7 +82,8 @@ void EdgeTable::end_run() {
                 uint8_t& state = early_state_of(uint64_t{first_late_ + i} << 32 | late_[i].ends[k]);
                 state = uint8_t(state | late_[i].states[k]);
             }
-    late_.erase(late_.begin(), late_.begin() + ptrdiff_t(leaving));
+    std::copy(late_.begin() + leaving, late_.end(), late_.begin());
+    late_.resize(late_.size() - leaving);
     first_late_ = first_of_run_;
     first_of_run_ += uint32_t(late_.size());
     move_to(early_.keys.size(), true);
@@ -96,7 +99,8 @@ void EdgeTable::move_to(size_t capacity, bool forget) {
     if (forget) {
         size_t left = 0;
         for (size_t slot = 0; slot < early_.keys.size(); ++slot) left += stays(slot);
-        capacity = std::max(kLeastSlots, std::bit_ceil(4 * left));
+        capacity = std::max(kLeastSlots, std::bit_ceil(2 * (left + 1)));
+        if (left == early_.used && capacity == early_.keys.size()) return;
     }
     Slots moved{.keys = std::vector<uint64_t>(capacity, kFree), .states = std::vector<uint8_t>(capacity)};
     for (size_t slot = 0; slot < early_.keys.size(); ++slot) {

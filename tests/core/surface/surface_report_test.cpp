@@ -247,6 +247,29 @@ TEST(MeasuredSurface, ASurfaceInPiecesIsMeasuredAsOne) {
     EXPECT_EQ(measured.positions()[5 * kAround], Vec3d(1001, 0, 5)) << "from a page that was put away";
 }
 
+// Quads with corners of their own: every edge stays open. One of late costs 32 bytes, its vertex's, an earlier one a half-full slot of 9
+// bytes or a quarter-full one; the first runs are all of late.
+TEST(EdgeTable, TakesAtMostFourSlotsForAnOpenEdge) {
+    EdgeTable edges(false);
+    double most = 0.0;
+    constexpr uint32_t kQuads = 500'000;
+    for (uint32_t first = 0; first < 4 * kQuads;) {
+        edges.add_vertices(4'000);
+        for (const uint32_t end = first + 4'000; first < end; first += 4) {
+            for (uint32_t i = 0; i < 4; ++i) edges.add(first + i, first + (i + 1) % 4);
+            edges.face_done();
+        }
+        if (first >= 600'000) most = std::max(most, double(edges.memory_bytes()) / first);
+    }
+    EXPECT_GT(most, 0.75 * 24.0);  // of a star for one or two edges
+    EXPECT_LE(most, 36.0);
+    SurfaceReport report;
+    edges.count(report);
+    EXPECT_EQ(edges.edges(), 4u * kQuads);
+    EXPECT_EQ(report.boundary_edges, 4u * kQuads);
+    EXPECT_EQ(report.open_edges, 4u * kQuads);
+}
+
 // A third face at an edge is seen while the edge is not forgotten.
 TEST(MeasuredSurface, AThirdFaceOfTheNextPieceIsSeen) {
     MeasuredSurface measured(nullptr, nullptr, 0);
