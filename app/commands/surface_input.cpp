@@ -245,7 +245,8 @@ public:
                      .normals = request.normals,
                      .colors = voxels_.has_colors(),
                      .transparent = request.transparent,
-                     .threads = request.threads};
+                     .threads = request.threads,
+                     .memory_bytes = request.memory_bytes / 2};
     }
 
     SurfaceMethod method() const override { return SurfaceMethod::cubes; }

@@ -1,6 +1,7 @@
 #include "core/surface/cube_surface.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <condition_variable>
 #include <limits>
@@ -21,6 +22,12 @@ namespace strata {
 namespace {
 
 constexpr size_t kBricksAThread = 4;  // that may wait for their turn
+constexpr uint64_t kTreeBrickBytes = 20;  // of TreeBricks
+
+template <class T>
+uint64_t bytes_of(const std::vector<T>& list) {
+    return list.capacity() * sizeof(T);
+}
 
 // What finds the faces of a brick, one per thread.
 struct Worker {
@@ -40,6 +47,11 @@ struct Part {
     uint64_t faces = 0, rectangles = 0;
     // closed: vertices on the outside of the brick, ascending by corner and material, and their numbers here.
     std::vector<std::pair<CubeVertex, uint32_t>> shared;
+    uint64_t bytes_counted = 0;
+
+    uint64_t bytes() const {
+        return bytes_of(mesh.vertices) + bytes_of(mesh.triangles) + bytes_of(mesh.quads) + bytes_of(positions) + bytes_of(colors) + bytes_of(normals) + bytes_of(shared);
+    }
 };
 
 class CubeSurface {
@@ -59,6 +71,7 @@ public:
     CubeSurfaceCounts run() {
         counts_.solid_voxels = count_cells(tree_, depth_);
         counts_.faces_uncut = 6 * counts_.solid_voxels;
+        hold(bricks_.size() * (kTreeBrickBytes + (closed() ? sizeof corners_[0] + sizeof shared_[0] : 0)));
         if (closed()) find_corners();
         put_all();
         return counts_;
@@ -66,6 +79,17 @@ public:
 
 private:
     bool closed() const { return settings_.joints == CubeSurfaceSettings::Joints::closed; }
+
+    void hold(uint64_t bytes) {
+        const uint64_t held = held_bytes_.fetch_add(bytes) + bytes;
+        if (held > settings_.memory_bytes)
+            throw Error(ErrorKind::limit, "faces of cubes need " + std::to_string(held) + " bytes of memory or more, " + std::to_string(settings_.memory_bytes) + " are allowed; coarser cells need less");
+    }
+    template <class T>
+    void let_go(std::vector<T>& list) {
+        held_bytes_ -= bytes_of(list);
+        std::vector<T>().swap(list);
+    }
 
     std::unique_ptr<Worker> take_worker() {
         return workers_.take([] { return std::make_unique<Worker>(); });
@@ -81,6 +105,7 @@ private:
                 if (bricks_.gather(brick, materials_, worker->brick)) {
                     worker->finder.find(worker->brick, worker->rectangles);
                     corners_[brick] = shared_corners(worker->rectangles);
+                    hold(bytes_of(corners_[brick]));
                 }
             workers_.give_back(std::move(worker));
         });
@@ -104,7 +129,10 @@ private:
                     if (failed || begun == bricks_.size()) return;
                     const size_t brick = begun++;
                     lock.unlock();
-                    make(brick, *worker, parts[brick % window]);
+                    Part& part = parts[brick % window];
+                    make(brick, *worker, part);
+                    held_bytes_ -= part.bytes_counted;
+                    hold(part.bytes_counted = part.bytes());
                     lock.lock();
                     made[brick % window] = 1;
                     while (!putting && !failed && made[next % window] != 0) {
@@ -235,6 +263,7 @@ private:
         if (closed()) {
             auto& shared = shared_[part.brick];
             shared.reserve(part.shared.size());
+            hold(bytes_of(shared));
             for (const auto& [vertex, number] : part.shared) shared.emplace_back(vertex, numbers_[number]);
         }
         out_.add({.origin = tree_.frame.origin,
@@ -267,11 +296,13 @@ private:
         const auto forget_if_done = [&](size_t candidate) {
             size_t last = candidate;
             visit_neighbors(candidate, [&](size_t neighbor, const std::array<int, 3>&) { last = std::max(last, neighbor); });
-            if (last <= brick) std::vector<std::pair<CubeVertex, uint32_t>>().swap(shared_[candidate]);
+            if (last > brick) return;
+            let_go(shared_[candidate]);
+            let_go(corners_[candidate]);
         };
         forget_if_done(brick);
         visit_neighbors(brick, [&](size_t neighbor, const std::array<int, 3>&) {
-            if (neighbor < brick && !shared_[neighbor].empty()) forget_if_done(neighbor);
+            if (neighbor < brick && !(shared_[neighbor].empty() && corners_[neighbor].empty())) forget_if_done(neighbor);
         });
     }
 
@@ -284,7 +315,8 @@ private:
     double cell_size_;
     IdlePool<Worker> workers_;
     CubeSurfaceCounts counts_;
-    std::vector<std::vector<BrickCorner>> corners_;                     // [bricks]
+    std::atomic<uint64_t> held_bytes_ = 0;  // of memory_bytes
+    std::vector<std::vector<BrickCorner>> corners_;                     // [bricks], as long as one around is to be made, as are
     std::vector<std::vector<std::pair<CubeVertex, uint32_t>>> shared_;  // [bricks] with their numbers in the surface
     std::vector<uint32_t> numbers_;                                     // of a part's vertices in the surface
 };

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -25,6 +26,7 @@ struct CubeSurfaceSettings {
     bool colors = true;                                            // where the tree has some: what differs in color does not merge
     std::vector<std::pair<VoxelColor, uint8_t>> transparent = {};  // colors that can be seen through, and their opacities
     int threads = 1;
+    uint64_t memory_bytes = std::numeric_limits<uint64_t>::max();  // for bricks, corners and the faces of those in work
 };
 
 struct CubeSurfaceCounts {
@@ -41,11 +43,11 @@ struct CubeSurfaceCounts {
 /// Closed faces are consistently oriented and every edge belongs to as many faces one way as the other; where cells touch along
 /// an edge only, four faces share it. What can be seen through is not closed where it lies at something opaque.
 /// throws  Error{usage}: a depth that the tree does not have, or transparent colors where it has no colors of that depth
-///         Error{limit}: more than 2^32 - 1 vertices
+///         Error{limit}: more than 2^32 - 1 vertices; more than memory_bytes, found when a brick is done: one a thread goes beyond
 ///         what the sink throws
 /// cost    On one thread 0.15 microseconds a rectangle of a scan, closed (4 triangles for 3 of the others), and 0.07 separate. Memory: 3 MB
-///         and the output of 4 bricks a thread; closed, 4 bytes for a corner on the outside of a brick, and 16 for a vertex there as long
-///         as a brick that has it, too, is to come
+///         a thread, which memory_bytes does not count, and the output of 4 bricks; 20 bytes a brick, closed 68, and 4 for a corner on the
+///         outside of a brick, then 16 for a vertex there, as long as a brick that has it, too, is to come
 CubeSurfaceCounts mesh_cubes(const VoxelTree& tree, const CubeSurfaceSettings& settings, SurfaceSink& out);
 
 /// The least depth whose cubes lie within `error` of the voxels of the tree's finest depth; 1 at least. A cube of 2^k voxels a side has

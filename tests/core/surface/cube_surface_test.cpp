@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "core/error.h"
 #include "core/math/random.h"
@@ -307,6 +308,44 @@ TEST(CubeSurface, AFailingSinkEndsIt) {
         EXPECT_THROW(mesh_cubes(tree, {.threads = threads}, sink), Error);
         EXPECT_EQ(sink.left, -1);
     }
+}
+
+// The least memory that makes a bar of 4 x 4 cells through some bricks, 64 long each.
+uint64_t least_memory_of_bar(uint32_t bricks, Joints joints) {
+    const VoxelFrame frame{.levels = 6};
+    VoxelTreeInMemory memory(frame, {});
+    VoxelTreeBuilder builder(frame, {}, memory);
+    VoxelBatch batch;
+    for (uint32_t x = 0; x < 16 * bricks; ++x) batch.blocks.push_back({octant_code(x, 0, 0), kFullMask, 0});
+    builder.add(batch);
+    builder.finish();
+    const VoxelTree tree = memory.take();
+    uint64_t too_little = 0, enough = uint64_t{1} << 20;
+    while (enough - too_little > 1) {
+        const uint64_t bytes = (too_little + enough) / 2;
+        SurfaceInMemory surface;
+        try {
+            const CubeSurfaceCounts counts = mesh_cubes(tree, {.joints = joints, .memory_bytes = bytes}, surface);
+            EXPECT_EQ(counts.rectangles, 4u * bricks + 2);
+            enough = bytes;
+        } catch (const Error& error) {
+            EXPECT_EQ(error.kind, ErrorKind::limit);
+            EXPECT_NE(std::string(error.what()).find(" " + std::to_string(bytes) + " are allowed"), std::string::npos) << error.what();
+            too_little = bytes;
+        }
+    }
+    return enough;
+}
+
+// A brick of a bar has 8 corners on its outside, in a list that may have grown to twice that, and as many vertices there, of 16 bytes: these
+// are let go of when the next is done, and add nothing to a longer bar. Separate rectangles keep nothing.
+TEST(CubeSurface, MemoryIsCountedAndLetGoOf) {
+    const double closed = double(least_memory_of_bar(64, Joints::closed) - least_memory_of_bar(16, Joints::closed)) / 48;
+    EXPECT_GE(closed, 68 + 8 * 4);
+    EXPECT_LE(closed, 68 + 16 * 4);
+    EXPECT_EQ(least_memory_of_bar(64, Joints::separate) - least_memory_of_bar(16, Joints::separate), 48u * 20);
+    // 4 rectangles at least of a brick in work, each of 4 vertices with a position.
+    EXPECT_GE(least_memory_of_bar(16, Joints::separate), 16 * 20 + 4 * 4 * (sizeof(Vec3f) + 12 + 4));
 }
 
 TEST(CubeSurface, SaysWhatItCannotDo) {
