@@ -172,7 +172,8 @@ int run(const Options& options) {
     if (report.failures.count > 0)
         throw Error(ErrorKind::malformed, std::to_string(report.failures.count) + " nodes cannot be read, so there is no picture; first: " +
                                               report.failures.first);
-    const bool empty = files.meshes.empty() && files.fields.empty() && (!files.cloud || files.cloud->info().points == 0) &&
+    const bool no_surface = std::all_of(request.scene.isosurfaces.begin(), request.scene.isosurfaces.end(), [](const IsosurfaceModel& model) { return model.bounds.empty(); });
+    const bool empty = files.meshes.empty() && no_surface && (!files.cloud || files.cloud->info().points == 0) &&
                        std::all_of(files.voxels.begin(), files.voxels.end(), [](const OpenedVoxels& model) { return model.tree->empty(); });
     if (report.points_drawn == 0 && report.voxel_depth == 0 && report.triangles_drawn == 0 && !report.isosurface_drawn && !empty && !request.quiet)
         std::fprintf(stderr, "note: %s: nothing is in sight: the view, --clip or --filter leave nothing\n", request.output.c_str());

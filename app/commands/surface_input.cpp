@@ -374,8 +374,8 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         const FormatKind kind = identify_format(word).kind;
         if (words.size() > 1 && kind != FormatKind::points && kind != FormatKind::layered)
             throw Error(ErrorKind::usage, word + ": one volume, grid, mesh or voxel file at a time is expected; only points may come in several files");
-        if (request.radius && kind != FormatKind::points && kind != FormatKind::layered)
-            throw Error(ErrorKind::usage, "--radius is not for " + std::string(kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : "values on a grid") + "; it is for points");
+        const char* const without_points = kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : kind == FormatKind::volume || kind == FormatKind::grids ? "values on a grid" : nullptr;
+        if (request.radius && without_points != nullptr) throw Error(ErrorKind::usage, word + ": --radius is not for " + without_points + "; it is for points");
         if (kind == FormatKind::volume) return std::make_unique<VolumeInput>(word, request);
         refuse_close(request);
         if (kind == FormatKind::voxels) return surface_of_file(word, request.method.value_or(SurfaceMethod::cubes), request);

@@ -44,6 +44,16 @@ std::vector<Tile> tiles_of(const GBuffer& out) {
     return tiles;
 }
 
+// The normal of the side that the ray comes to. Near outlines the smoothed gradient may point away from the eye a little, where the surface
+// cannot: it is laid across the ray then.
+Vec3f towards_eye(const Vec3f& normal, const Vec3f& direction) {
+    const float away = normal.dot(direction);
+    if (away <= 0.0f) return normal;
+    const Vec3f across = normal - away * direction;
+    const float length = across.norm();
+    return length > 0.0f ? Vec3f(across / length) : Vec3f(-direction);
+}
+
 }  // namespace
 
 bool draw_isosurface(const IsosurfaceModel& model, uint32_t drawable, const IsosurfaceView& view, GBuffer& out) {
@@ -75,7 +85,8 @@ bool draw_isosurface(const IsosurfaceModel& model, uint32_t drawable, const Isos
                     Vec3f normal = outward_normal(field, model.level, field_ray, *hit);
                     const Vec3f direction = ray.direction.normalized().cast<float>();
                     if (normal.isZero()) normal = -direction;
-                    if (normal.dot(direction) > 0.0f) normal = -normal;  // both sides can be seen
+                    if (hit->from_inside) normal = -normal;
+                    normal = towards_eye(normal, direction);
                     const Rgba8 color = model.colors.color(view.camera.eye.z() + ray.origin.z() + hit->t * ray.direction.z(), normal);
                     out.colors[pixel] = model.colors.rule() == IsosurfaceColors::Rule::normal ? color : lit(color, sky.light(normal));
                     out.depths[pixel] = float(hit->t);
