@@ -23,6 +23,7 @@ struct ContourSettings {
     std::vector<double> isovalues = {0.0};  // finite; a surface each, in one pass over the field
     ContourInside inside = ContourInside::above;
     bool close = false;                          // as if the field were outside beyond the grid
+    bool open_at_nan = false;                    // of contour_bricks: cells with a NaN sample have no surface; else NaN is outside
     bool normals = false;                        // of the field's gradient, pointing outside
     std::vector<std::array<uint8_t, 4>> colors;  // of the vertices of each isovalue; or empty
     int threads = 1;

@@ -17,6 +17,7 @@ struct SurfaceWriteSettings {
     bool overwrite = false;
     bool normals = false;                 // pieces have them
     bool colors = false;                  // likewise
+    std::vector<std::string> scalars;     // names of those that pieces have
     Box3d bounds;                         // world; vertices lie there, or not far from it
     double edge = 0.0;                    // world units: of a typical length; 0: not known
     std::string scratch_folder;           // for faces that wait until all vertices are written

@@ -1,0 +1,101 @@
+// Surfaces of values on a grid: volumes and .vdb grids.
+#include "app/commands/surface_inputs.h"
+
+#include "app/commands/contour_input.h"
+#include "app/commands/isovalues.h"
+#include "core/error.h"
+#include "io/vdb/vdb_field.h"
+
+namespace strata {
+namespace {
+
+/// Slices of a volume on their way to the surface, with a line of progress.
+class SlicesWithProgress : public SliceSource {
+public:
+    SlicesWithProgress(SliceSource& source, ProgressLine& progress) : source_(source), progress_(progress) {}
+    const GridPlacement& placement() const override { return source_.placement(); }
+    std::array<uint32_t, 3> size() const override { return source_.size(); }
+    void read(uint32_t count, double reference, std::span<float> out) override {
+        source_.read(count, reference, out);
+        progress_.update("surface", done_ += out.size(), uint64_t{size()[0]} * size()[1] * size()[2]);
+    }
+
+private:
+    SliceSource& source_;
+    ProgressLine& progress_;
+    uint64_t done_ = 0;
+};
+
+class VolumeInput : public ContourInput {
+public:
+    VolumeInput(const std::string& path, const SurfaceRequest& request)
+        : ContourInput(request, ContourInside::above), volume_(request.raw ? open_raw_volume(open_file(path), *request.raw) : open_volume(path)) {
+        refuse_flags_of_voxels(request);
+        if (!request.grid.empty()) throw Error(ErrorKind::usage, "--grid: " + path + " is no .vdb file");
+        notes = volume_->header().notes;
+        if (settings_.isovalues.empty()) {
+            const VolumeRange range = volume_->measure();
+            throw isovalue_expected(path, range.values > 0 ? range.min : 1.0, range.values > 0 ? range.max : 0.0);
+        }
+        set_colors();
+    }
+
+    Box3d bounds() const override {
+        Box3d box;
+        for (int corner = 0; corner < 8; ++corner) {
+            Vec3d index;
+            for (int axis = 0; axis < 3; ++axis) index[axis] = corner >> axis & 1 ? volume_->size()[size_t(axis)] : -1.0;
+            box.extend(volume_->placement().world_from_index(index));
+        }
+        return box;
+    }
+    double edge() const override { return volume_->placement().axes.colwise().norm().minCoeff(); }
+
+    void extract(SurfaceSink& out, ProgressLine& progress) override {
+        SlicesWithProgress slices(*volume_, progress);
+        const ContourReport found = contour_slices(slices, settings_, out);
+        say_what_was_found(found, found.least, found.greatest);
+    }
+
+private:
+    std::unique_ptr<VolumeSource> volume_;
+};
+
+class GridInput : public ContourInput {
+public:
+    GridInput(const std::string& path, const SurfaceRequest& request)
+        : ContourInput(request, ContourInside::above), field_(open_vdb_field(path, {.grid = request.grid, .memory_bytes = request.memory_bytes / 2, .scratch = request.scratch})) {
+        settings_.memory_bytes = request.memory_bytes / 2;
+        refuse_flags_of_voxels(request);
+        const bool is_level_set = field_->grid().grid_class == "level set";
+        if (is_level_set && !request.inside) settings_.inside = ContourInside::below;
+        if (is_level_set && settings_.isovalues.empty()) settings_.isovalues = {0.0};
+        if (settings_.isovalues.empty())
+            throw isovalue_expected(path + ", grid " + field_->grid().name + ",", field_->least(), field_->greatest());
+        for (const double isovalue : settings_.isovalues) {
+            const bool below = settings_.inside == ContourInside::below;
+            if (below ? field_->background() <= isovalue : field_->background() >= isovalue)
+                throw Error(ErrorKind::usage, path + ": what lies far outside has the value " + value_text(field_->background()) + ", which the isovalue " + value_text(isovalue) + " takes for inside");
+        }
+        set_colors();
+    }
+
+    Box3d bounds() const override { return field_->bounds(); }
+    double edge() const override { return field_->grid().voxel_size->cwiseAbs().minCoeff(); }
+    void extract(SurfaceSink& out, ProgressLine&) override { say_what_was_found(contour_bricks(*field_, settings_, out), field_->least(), field_->greatest()); }
+
+private:
+    std::unique_ptr<VdbField> field_;
+};
+
+}  // namespace
+
+std::unique_ptr<SurfaceInput> surface_of_volume(const std::string& path, const SurfaceRequest& request) {
+    return std::make_unique<VolumeInput>(path, request);
+}
+
+std::unique_ptr<SurfaceInput> surface_of_grid(const std::string& path, const SurfaceRequest& request) {
+    return std::make_unique<GridInput>(path, request);
+}
+
+}  // namespace strata
