@@ -18,6 +18,8 @@
 namespace strata {
 namespace {
 
+using nlohmann::ordered_json;
+
 /// Voxels to make a surface of, and the depth whose cells are taken.
 struct SurfaceVoxels {
     VoxelTree tree;
