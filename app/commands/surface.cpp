@@ -1,4 +1,5 @@
 // strata surface: volumes, grids and voxels to meshes.
+#include <algorithm>
 #include <charconv>
 #include <chrono>
 #include <cstdio>
@@ -36,6 +37,7 @@ constexpr OptionRow kRows[] = {
     {"--error", "-e", "VOXELS", "", "of a .svo file: the coarsest cells whose cubes lie within so many voxels of the finest"},
     {"--quads", "", "", "", "of cubes: each rectangle with four corners of its own, not cut where others meet it; pixels between rectangles may stay open"},
     {"--transparent", "", "LIST", "", "of cubes: colors that can be seen through, as RRGGBB:OPACITY with commas, opacity 0 to 254; what lies behind them keeps its faces"},
+    {"--attributes", "", "LIST", "", "values for the vertices, with commas, at most 16: of points names of attributes. .ply and .glb keep them, and render --color shows those of a .ply"},
     {"--grid", "", "NAME", "", "of a .vdb file: the grid of that name; default: the first that can be read"},
     {"--dimensions", "", "XxYxZ", "", "IN is samples alone, so many along each axis, the first running fastest"},
     {"--type", "", "TYPE", "uint8", "of samples alone: int8 to int64, uint8 to uint64, float or double"},
@@ -104,6 +106,21 @@ std::vector<std::pair<VoxelColor, uint8_t>> parse_transparent(const std::string&
     return colors;
 }
 
+std::vector<std::string> parse_attributes(const std::string& text) {
+    constexpr size_t kMost = 16;
+    std::vector<std::string> names;
+    for (size_t begin = 0; begin <= text.size();) {
+        const size_t end = std::min(text.find(',', begin), text.size());
+        const std::string name = text.substr(begin, end - begin);
+        if (name.empty()) throw Error(ErrorKind::usage, "--attributes: expected names with commas between them, got '" + text + "'");
+        if (std::find(names.begin(), names.end(), name) != names.end()) throw Error(ErrorKind::usage, "--attributes: '" + name + "' is there twice");
+        names.push_back(name);
+        begin = end + 1;
+    }
+    if (names.size() > kMost) throw Error(ErrorKind::usage, "--attributes: expected at most " + std::to_string(kMost) + " names, got " + std::to_string(names.size()));
+    return names;
+}
+
 double positive(const Options& options, const char* flag) {
     const double value = options.number(flag);
     if (!(value > 0.0)) throw Error(ErrorKind::usage, std::string(flag) + ": expected a positive number, got '" + options.text(flag) + "'");
@@ -119,6 +136,7 @@ SurfaceRequest request_of(const Options& options, const std::string& folder) {
                               .memory_bytes = memory_cap(options),
                               .scratch_folder = folder};
     request.quads = options.given("--quads");
+    if (options.given("--attributes")) request.attributes = parse_attributes(options.text("--attributes"));
     if (options.given("--transparent")) request.transparent = parse_transparent(options.text("--transparent"));
     if (options.given("--iso")) request.isovalues = parse_list("--iso", options.text("--iso"));
     if (options.given("--method")) {
@@ -194,7 +212,7 @@ int run(const Options& options) {
     request.scratch = field_scratch.get();
     const std::unique_ptr<SurfaceInput> input = open_surface_input(options.positional, request);
     MeasuredSurface measured(nullptr, place_scratch.get(), memory / 8);
-    const std::unique_ptr<SurfaceWriter> writer = make_surface_writer(path, {.overwrite = overwrite, .normals = input->has_normals(), .colors = input->has_colors(), .bounds = input->bounds(),
+    const std::unique_ptr<SurfaceWriter> writer = make_surface_writer(path, {.overwrite = overwrite, .normals = input->has_normals(), .colors = input->has_colors(), .scalars = input->scalar_names(), .bounds = input->bounds(),
                                                                              .edge = input->edge(), .scratch_folder = folder, .positions = &measured.positions()});
     measured.set_next(writer.get());
     input->extract(measured, progress);

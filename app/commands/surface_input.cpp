@@ -10,6 +10,11 @@
 namespace strata {
 namespace {
 
+// What has no attributes to give.
+void refuse_attributes(const SurfaceRequest& request, const std::string& path) {
+    if (!request.attributes.empty()) throw Error(ErrorKind::usage, path + ": --attributes is not for such an input");
+}
+
 // What is stored sparsely ends before its grid does, and cubes are closed.
 void refuse_close(const SurfaceRequest& request) {
     if (request.close) throw Error(ErrorKind::usage, "--close is for volumes; this surface meets no boundary");
@@ -22,6 +27,7 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
     const bool one = words.size() == 1 && !std::filesystem::is_directory(path);
     if (request.raw) {
         if (!one) throw Error(ErrorKind::usage, "--dimensions: one file of samples is expected");
+        refuse_attributes(request, path);
         return surface_of_volume(path, request);
     }
     const bool cubes = request.method == SurfaceMethod::cubes;
@@ -32,6 +38,7 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
             throw Error(ErrorKind::usage, word + ": one volume, grid, mesh or voxel file at a time is expected; only points may come in several files");
         const char* const without_points = kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : kind == FormatKind::volume || kind == FormatKind::grids ? "values on a grid" : nullptr;
         if (request.radius && without_points != nullptr) throw Error(ErrorKind::usage, word + ": --radius is not for " + without_points + "; it is for points");
+        if (kind != FormatKind::points && kind != FormatKind::layered) refuse_attributes(request, word);
         if (kind == FormatKind::volume) return surface_of_volume(word, request);
         refuse_close(request);
         if (kind == FormatKind::voxels) return surface_of_voxels(word, request.method.value_or(SurfaceMethod::cubes), request);
@@ -40,8 +47,10 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
     refuse_close(request);  // folders of points
     if (request.radius) {
         if (cubes) throw Error(ErrorKind::usage, "--radius makes a surface of balls, --method cubes one of voxels");
+        refuse_attributes(request, path);
         return surface_of_balls(words, request);
     }
+    refuse_attributes(request, path);
     if (!request.method) throw Error(ErrorKind::usage, path + ": of points and meshes --method cubes or marching-cubes with --voxel-size makes a surface, of points also --radius");
     return surface_by_voxels(words, one && identify_format(path).kind == FormatKind::grids, *request.method, request);
 }

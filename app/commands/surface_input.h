@@ -31,6 +31,7 @@ struct SurfaceRequest {
     std::optional<double> radius;              // of balls around points; world units
     bool quads = false;                        // of cubes: rectangles as they are
     std::vector<std::pair<VoxelColor, uint8_t>> transparent;  // of cubes: colors that can be seen through, and their opacities
+    std::vector<std::string> attributes;       // for the vertices, each once
     std::string grid;                          // of a .vdb file; empty: the first
     std::optional<RawVolumeLayout> raw;        // the input is samples alone
     int threads = 1;
@@ -49,6 +50,7 @@ public:
     virtual double edge() const = 0;          // world units: typical of an edge of a face
     virtual bool has_normals() const = 0;     // of vertices
     virtual bool has_colors() const = 0;      // likewise
+    virtual std::vector<std::string> scalar_names() const { return {}; }  // of attributes that pieces have, in their order
     /// Hands the surface out. Once.
     virtual void extract(SurfaceSink& out, ProgressLine& progress) = 0;
     /// Adds what it counted to the report of --json. After extract().

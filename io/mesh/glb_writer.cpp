@@ -20,9 +20,9 @@ using nlohmann::ordered_json;
 
 // Section 4.4, "GLB File Format Specification", of glTF 2.0.
 constexpr uint32_t kMagic = 0x46546C67, kJsonChunk = 0x4E4F534A, kBinaryChunk = 0x004E4942;
-constexpr uint32_t kJsonBytes = 2048;  // the longest is shorter; the rest is blanks
-constexpr uint32_t kBinaryAt = 12 + 8 + kJsonBytes + 8;
+constexpr uint32_t kJsonBytes = 2048, kJsonScalar = 320;  // the longest is shorter, of each attribute likewise; the rest is blanks
 constexpr int kArrayBuffer = 34962, kElementArrayBuffer = 34963, kUint16 = 5123, kUint32 = 5125, kFloat = 5126;
+constexpr uint64_t kMostStride = 252;  // of a buffer view, section 5.11
 
 // Colors of vertices are linear there, in 16 bits, so that dark ones stay apart.
 std::array<uint16_t, 256> linear_table() {
@@ -43,9 +43,13 @@ public:
           faces_(*scratch_),
           normals_(settings.normals),
           colors_(settings.colors),
-          stride_(12 + (settings.normals ? 12 : 0) + (settings.colors ? 8 : 0)),
+          scalars_(plain_names(settings.scalars, {})),
+          stride_(12 + (settings.normals ? 12 : 0) + (settings.colors ? 8 : 0) + 4 * scalars_.size()),
+          json_bytes_(uint32_t(kJsonBytes + kJsonScalar * scalars_.size())),
+          binary_at_(12 + 8 + json_bytes_ + 8),
           linear_(linear_table()) {
-        vertices_.text(std::string(kBinaryAt, ' '));
+        if (stride_ > kMostStride) throw Error(ErrorKind::limit, path + ": GLB has room for " + std::to_string(scalars_.size() - (stride_ - kMostStride) / 4) + " attributes of vertices; .ply has no such limit");
+        vertices_.text(std::string(binary_at_, ' '));
     }
 
     void add(const SurfacePiece& piece) override {
@@ -61,6 +65,11 @@ public:
                 vertices_.put(std::array<uint16_t, 4>{linear_[c[0]], linear_[c[1]], linear_[c[2]], uint16_t(c[3] * 257)});
                 is_seen_through_ |= c[3] < 255;
             }
+            for (size_t s = 0; s < scalars_.size(); ++s) {
+                const float value = piece.scalars[s].values[i];  // section 3.6.2.2: no infinity and no NaN
+                unknown_ += !(value == value);
+                vertices_.put(value == value ? std::clamp(value, std::numeric_limits<float>::lowest(), std::numeric_limits<float>::max()) : 0.0f);
+            }
         }
         count_ += piece.positions.size();
         for (const auto& t : piece.triangles) faces_.put(t);
@@ -75,24 +84,29 @@ public:
 
     uint64_t commit(Durability durability) override {
         const std::string json = document().dump();
-        assert(json.size() <= kJsonBytes);
+        assert(json.size() <= json_bytes_);
         vertices_.copy(faces_);
         const auto total = uint32_t(vertices_.size());
-        const bool has_binary = total > kBinaryAt;
-        std::vector<std::byte> head(kBinaryAt, std::byte{' '});
+        const bool has_binary = total > binary_at_;
+        std::vector<std::byte> head(binary_at_, std::byte{' '});
         const auto put_at = [&](size_t at, uint32_t value) { std::memcpy(head.data() + at, &value, sizeof value); };
         put_at(0, kMagic);
         put_at(4, 2);
-        put_at(8, has_binary ? total : kBinaryAt - 8);
-        put_at(12, kJsonBytes);
+        put_at(8, has_binary ? total : binary_at_ - 8);
+        put_at(12, json_bytes_);
         put_at(16, kJsonChunk);
         std::memcpy(head.data() + 20, json.data(), json.size());
-        put_at(kBinaryAt - 8, total - kBinaryAt);
-        put_at(kBinaryAt - 4, kBinaryChunk);
+        put_at(binary_at_ - 8, total - binary_at_);
+        put_at(binary_at_ - 4, kBinaryChunk);
         file_.write_at(0, head);
-        if (!has_binary) file_.truncate(kBinaryAt - 8);
+        if (!has_binary) file_.truncate(binary_at_ - 8);
         file_.commit(durability);
-        return has_binary ? total : kBinaryAt - 8;
+        return has_binary ? total : binary_at_ - 8;
+    }
+
+    std::vector<std::string> notes() const override {
+        if (unknown_ == 0) return {};
+        return {"GLB has no unknown values: " + std::to_string(unknown_) + " of attributes are 0 there; .ply keeps them as NaN"};
     }
 
 private:
@@ -120,6 +134,10 @@ private:
             attributes["COLOR_0"] = accessors.size();
             accessors.push_back({{"bufferView", 0}, {"byteOffset", normals_ ? 24 : 12}, {"componentType", kUint16}, {"normalized", true}, {"count", count_}, {"type", "VEC4"}});
         }
+        for (size_t s = 0; s < scalars_.size(); ++s) {
+            attributes['_' + scalars_[s]] = accessors.size();
+            accessors.push_back({{"bufferView", 0}, {"byteOffset", stride_ - 4 * (scalars_.size() - s)}, {"componentType", kFloat}, {"count", count_}, {"type", "SCALAR"}});
+        }
         document["meshes"] = {{{"primitives", {{{"attributes", attributes}, {"indices", accessors.size()}, {"material", 0}}}}}};
         accessors.push_back({{"bufferView", 1}, {"componentType", kUint32}, {"count", faces_.size() / 4}, {"type", "SCALAR"}});
         document["accessors"] = accessors;
@@ -136,11 +154,13 @@ private:
     std::unique_ptr<ScratchStore> scratch_;
     GatheredBytes vertices_, faces_;
     bool normals_, colors_;
+    std::vector<std::string> scalars_;
     uint64_t stride_;
+    uint32_t json_bytes_, binary_at_;
     std::array<uint16_t, 256> linear_;  // of sRGB
     std::optional<Vec3d> origin_;       // world: of positions in the file
     Vec3f least_ = Vec3f::Constant(std::numeric_limits<float>::max()), greatest_ = Vec3f::Constant(std::numeric_limits<float>::lowest());
-    uint64_t count_ = 0;
+    uint64_t count_ = 0, unknown_ = 0;  // vertices; values of attributes that are NaN
     bool is_seen_through_ = false;      // a color of less than full opacity came
 };
 

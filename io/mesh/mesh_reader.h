@@ -13,6 +13,7 @@ namespace strata {
 struct MeshReadSettings {
     uint64_t most_bytes = std::numeric_limits<uint64_t>::max();  // of memory, while it is read
     bool triangles_needed = false;                               // a mesh without triangles is an error
+    bool scalars = false;                                        // other values of vertices are kept, too
 };
 
 /// What a file says of its mesh beside the mesh, and what was done with it.
@@ -25,7 +26,7 @@ struct MeshReport {
 /// Reads a mesh: Wavefront OBJ, STL, or PLY, by its content. The file goes through a small buffer.
 /// Vertices: as the file has them, those that no triangle uses as well; those of STL, which has none, are the distinct corners. A
 /// vertex without a finite position is left out with the triangles that use it, and a note counts both. Normals and colors:
-/// those of vertices; where corners of OBJ have their own, the mean direction of a vertex's corners.
+/// those of vertices; where corners of OBJ have their own, the mean direction of a vertex's corners. Other values: single numbers that PLY has of vertices, but texture coordinates; the first 32.
 /// report  where not null, gets what the file says
 /// throws  Error{not_found, io, unsupported}
 ///         Error{malformed}: the line or byte, and what was expected
@@ -36,6 +37,7 @@ TriangleMesh read_mesh(const std::string& path, const MeshReadSettings& settings
 TriangleMesh read_obj(const ByteSource& source, uint64_t most_bytes, MeshReport& report);
 TriangleMesh read_stl(const ByteSource& source, uint64_t most_bytes, MeshReport& report);
 TriangleMesh read_ply(const ByteSource& source, uint64_t most_bytes, MeshReport& report);
+TriangleMesh read_ply_with_scalars(const ByteSource& source, uint64_t most_bytes, MeshReport& report);
 
 /// Whether a file of that size is a binary STL by its count of triangles.
 /// head  the first 84 bytes or more

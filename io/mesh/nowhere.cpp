@@ -33,6 +33,7 @@ void remove_nowhere(TriangleMesh& mesh, std::span<const uint32_t> nowhere, std::
     remove_at(mesh.positions, nowhere);
     remove_at(mesh.normals, nowhere);
     remove_at(mesh.colors, nowhere);
+    for (MeshScalars& scalars : mesh.scalars) remove_at(scalars.values, nowhere);
     notes.push_back(std::to_string(nowhere.size()) + " vertices without a finite position are left out, and " +
                     std::to_string(before - mesh.triangles.size()) + " triangles that use them");
 }

@@ -18,6 +18,7 @@ public:
           bytes_(file_),
           normals_(settings.normals),
           colors_(settings.colors),
+          scalars_(settings.scalars.size()),
           decimals_(settings.edge > 0.0 ? std::clamp(int(std::ceil(-std::log10(settings.edge))) + 5, 0, 40) : -1) {
         bytes_.text("# made by strata\n");
     }
@@ -48,8 +49,10 @@ public:
     }
 
     std::vector<std::string> notes() const override {
-        if (!loses_opacity_) return {};
-        return {"OBJ has no opacity of vertices: what could be seen through is opaque; .ply and .glb keep it"};
+        std::vector<std::string> lines;
+        if (loses_opacity_) lines.emplace_back("OBJ has no opacity of vertices: what could be seen through is opaque; .ply and .glb keep it");
+        if (scalars_ > 0) lines.emplace_back("OBJ has no attributes of vertices: they are left out; .ply and .glb keep them");
+        return lines;
     }
 
 private:
@@ -94,6 +97,7 @@ private:
     OutputFile file_;
     GatheredBytes bytes_;
     bool normals_, colors_;
+    size_t scalars_;
     int decimals_;
     bool loses_opacity_ = false;
     char line_[kLongestLine];

@@ -113,7 +113,8 @@ private:
 };
 
 constexpr int kUnused = -1;
-constexpr int kNormal = 3, kColor = 6, kWanted = 10;  // places of x y z, nx ny nz, red green blue alpha among what a vertex has
+constexpr int kNormal = 3, kColor = 6, kWanted = 10;  // places of x y z, nx ny nz, red green blue alpha among what a vertex has; then scalars
+constexpr size_t kMostScalars = 32;
 
 int place_of(const std::string& name) {
     constexpr std::array<std::string_view, kWanted> kNames = {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "alpha"};
@@ -121,6 +122,11 @@ int place_of(const std::string& name) {
     if (const auto found = std::find(kNames.begin(), kNames.end(), name); found != kNames.end()) return int(found - kNames.begin());
     if (const auto found = std::find(kDiffuse.begin(), kDiffuse.end(), name); found != kDiffuse.end()) return kColor + int(found - kDiffuse.begin());
     return kUnused;
+}
+
+bool is_texture_coordinate(const std::string& name) {
+    constexpr std::array<std::string_view, 6> kNames = {"u", "v", "s", "t", "texture_u", "texture_v"};
+    return std::find(kNames.begin(), kNames.end(), name) != kNames.end();
 }
 
 bool is_corner_list(const Property& property) { return property.is_list && (property.name == "vertex_indices" || property.name == "vertex_index"); }
@@ -136,7 +142,7 @@ uint8_t color_byte(double part, Scalar type) {
 
 class PlyReader {
 public:
-    PlyReader(const ByteSource& source, uint64_t most_bytes) : stream_(source), memory_(stream_, most_bytes), header_(read_header(stream_)) {}
+    PlyReader(const ByteSource& source, uint64_t most_bytes, bool scalars) : stream_(source), memory_(stream_, most_bytes), header_(read_header(stream_)), wants_scalars_(scalars) {}
 
     TriangleMesh read(MeshReport& report) {
         find_elements();
@@ -147,6 +153,7 @@ public:
         constexpr std::array<const char*, 3> kEncodings = {"PLY, ASCII", "PLY, binary little-endian", "PLY, binary big-endian"};
         report.format = kEncodings[size_t(header_.encoding)];
         report.faces = faces_ ? faces_->count : 0;
+        if (scalars_left_out_ > 0) report.notes.push_back(std::to_string(scalars_left_out_) + " properties of vertices beyond the first " + std::to_string(kMostScalars) + " are left out");
         remove_nowhere(mesh_, nowhere_, report.notes);
         if (incomplete_faces_ > 0) report.notes.push_back(std::to_string(incomplete_faces_) + " faces with fewer than 3 corners are left out");
         for (const Element& element : header_.elements)
@@ -170,7 +177,7 @@ private:
         std::array<bool, kWanted> has{};
         for (const Property& property : vertices_->properties) {
             const int place = property.is_list ? kUnused : place_of(property.name);
-            places_.push_back(place);
+            places_.push_back(place == kUnused && !property.is_list && wants_scalars_ ? place_of_scalar(property.name) : place);
             if (place != kUnused && std::exchange(has[size_t(place)], true)) fail_header("one property " + property.name + " is expected");
         }
         const auto has_all = [&](int first) { return has[size_t(first)] && has[size_t(first) + 1] && has[size_t(first) + 2]; };
@@ -184,13 +191,25 @@ private:
             if (is_corner_list(property) && !is_integer(property.type)) fail_header("indices are expected to be integers");
     }
 
+    int place_of_scalar(const std::string& name) {
+        const auto is_it = [&](const MeshScalars& scalars) { return scalars.name == name; };
+        if (is_texture_coordinate(name) || std::any_of(mesh_.scalars.begin(), mesh_.scalars.end(), is_it)) return kUnused;
+        if (mesh_.scalars.size() == kMostScalars) {
+            ++scalars_left_out_;
+            return kUnused;
+        }
+        mesh_.scalars.push_back({name, {}});
+        return kWanted + int(mesh_.scalars.size()) - 1;
+    }
+
     template <typename Values>
     void read_elements(Values values) {
-        memory_.expect(vertices_->count * (sizeof(Vec3d) + (has_normals_ ? sizeof(Vec3f) : 0) + (has_colors_ ? 4 : 0)) +
+        memory_.expect(vertices_->count * (sizeof(Vec3d) + (has_normals_ ? sizeof(Vec3f) : 0) + (has_colors_ ? 4 : 0) + mesh_.scalars.size() * sizeof(float)) +
                        most_triangles_ahead() * sizeof(mesh_.triangles[0]));
         memory_.reserve(mesh_.positions, vertices_->count);
         if (has_normals_) memory_.reserve(mesh_.normals, vertices_->count);
         if (has_colors_) memory_.reserve(mesh_.colors, vertices_->count);
+        for (MeshScalars& scalars : mesh_.scalars) memory_.reserve(scalars.values, vertices_->count);
         memory_.reserve(mesh_.triangles, most_triangles_ahead());
         for (const Element& element : header_.elements) {
             if (element.properties.empty()) continue;
@@ -233,6 +252,10 @@ private:
                 pass(values, property);
                 continue;
             }
+            if (place >= kWanted) {
+                mesh_.scalars[size_t(place - kWanted)].values.push_back(float(values.number(property.type)));
+                continue;
+            }
             found[size_t(place)] = values.number(property.type);
             if (place >= kColor) color[size_t(place - kColor)] = color_byte(found[size_t(place)], property.type);
         }
@@ -272,9 +295,11 @@ private:
     ByteStream stream_;
     MeshMemory memory_;
     Header header_;
+    bool wants_scalars_;
     const Element* vertices_ = nullptr;
     const Element* faces_ = nullptr;
-    std::vector<int> places_;  // of the vertex's properties
+    std::vector<int> places_;      // of the vertex's properties
+    size_t scalars_left_out_ = 0;  // properties
     TriangleMesh mesh_;
     std::vector<uint32_t> nowhere_;
     bool has_normals_ = false, has_colors_ = false;
@@ -283,6 +308,8 @@ private:
 
 }  // namespace
 
-TriangleMesh read_ply(const ByteSource& source, uint64_t most_bytes, MeshReport& report) { return PlyReader(source, most_bytes).read(report); }
+TriangleMesh read_ply(const ByteSource& source, uint64_t most_bytes, MeshReport& report) { return PlyReader(source, most_bytes, false).read(report); }
+
+TriangleMesh read_ply_with_scalars(const ByteSource& source, uint64_t most_bytes, MeshReport& report) { return PlyReader(source, most_bytes, true).read(report); }
 
 }  // namespace strata

@@ -1,6 +1,8 @@
 // PLY, binary little-endian. Faces wait in a scratch file until all vertices are written, and the header, whose size is fixed, comes last.
 #include <array>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "core/error.h"
 #include "io/mesh/gathered_bytes.h"
@@ -10,7 +12,9 @@
 namespace strata {
 namespace {
 
-constexpr size_t kHeader = 512;  // the longest is shorter
+constexpr size_t kHeader = 512, kHeaderScalar = 100;  // the longest is shorter; of each attribute likewise
+constexpr std::array<std::string_view, 22> kTaken = {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "alpha", "u", "v", "s", "t", "texture_u", "texture_v",
+                                                     "diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha", "vertex_indices", "vertex_index"};
 
 class PlyWriter : public SurfaceWriter {
 public:
@@ -21,8 +25,10 @@ public:
           faces_(*scratch_),
           normals_(settings.normals),
           colors_(settings.colors),
-          doubles_(float_error(settings.bounds) > settings.edge / 1000.0) {
-        vertices_.text(std::string(kHeader, ' '));
+          doubles_(float_error(settings.bounds) > settings.edge / 1000.0),
+          scalars_(plain_names(settings.scalars, kTaken)),
+          header_bytes_(kHeader + kHeaderScalar * scalars_.size()) {
+        vertices_.text(std::string(header_bytes_, ' '));
     }
 
     void add(const SurfacePiece& piece) override {
@@ -32,6 +38,7 @@ public:
             else put(position.cast<float>());
             if (normals_) put(piece.normals[i]);
             if (colors_) vertices_.put(piece.colors[i]);
+            for (size_t s = 0; s < scalars_.size(); ++s) vertices_.put(piece.scalars[s].values[i]);
         }
         count_ += piece.positions.size();
         for (const std::array<uint32_t, 3>& triangle : piece.triangles) put_face(triangle);
@@ -63,16 +70,19 @@ private:
         std::string text = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(count_) + "\nproperty " + type + " x\nproperty " + type + " y\nproperty " + type + " z\n";
         if (normals_) text += "property float nx\nproperty float ny\nproperty float nz\n";
         if (colors_) text += "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
+        for (const std::string& name : scalars_) text += "property float " + name + '\n';
         // Most programs know signed numbers of vertices best.
         text += "element face " + std::to_string(face_count_) + "\nproperty list uchar " + (count_ > 0x7FFFFFFF ? "uint" : "int") + " vertex_indices\n";
         const std::string made = "comment made by strata", end = "\nend_header\n";
-        return text + made + std::string(kHeader - text.size() - made.size() - end.size(), ' ') + end;
+        return text + made + std::string(header_bytes_ - text.size() - made.size() - end.size(), ' ') + end;
     }
 
     OutputFile file_;
     std::unique_ptr<ScratchStore> scratch_;
     GatheredBytes vertices_, faces_;
     bool normals_, colors_, doubles_;
+    std::vector<std::string> scalars_;
+    size_t header_bytes_;
     uint64_t count_ = 0, face_count_ = 0;
 };
 

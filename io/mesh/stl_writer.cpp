@@ -17,7 +17,7 @@ constexpr size_t kHeader = 84, kCountAt = 80;
 class StlWriter : public SurfaceWriter {
 public:
     StlWriter(const std::string& path, const SurfaceWriteSettings& settings)
-        : file_(path, settings.overwrite), bytes_(file_), positions_(*settings.positions), loss_(float_error(settings.bounds)), edge_(settings.edge), loses_more_(settings.normals || settings.colors) {
+        : file_(path, settings.overwrite), bytes_(file_), positions_(*settings.positions), loss_(float_error(settings.bounds)), edge_(settings.edge), loses_more_(settings.normals || settings.colors), loses_scalars_(!settings.scalars.empty()) {
         std::string header = "binary STL made by strata";  // no 'solid', which would tell of text
         header.resize(kHeader, ' ');
         bytes_.text(header);
@@ -47,6 +47,7 @@ public:
             notes.emplace_back(line);
         }
         if (loses_more_) notes.emplace_back("STL has no colors and no normals of vertices");
+        if (loses_scalars_) notes.emplace_back("STL has no attributes of vertices: they are left out; .ply and .glb keep them");
         return notes;
     }
 
@@ -68,7 +69,7 @@ private:
     GatheredBytes bytes_;
     VertexPositions& positions_;
     double loss_, edge_;
-    bool loses_more_;
+    bool loses_more_, loses_scalars_;
     uint64_t count_ = 0;
 };
 

@@ -24,6 +24,22 @@ Make writer_of(const std::string& path) {
 
 }  // namespace
 
+std::vector<std::string> plain_names(const std::vector<std::string>& names, std::span<const std::string_view> taken) {
+    constexpr size_t kLongest = 72;  // and a number behind
+    std::vector<std::string> plain;
+    for (const std::string& name : names) {
+        std::string word = name.substr(0, kLongest);
+        for (char& c : word)
+            if (const bool keeps = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-' || c == '.' || c == ':'; !keeps) c = '_';
+        if (word.empty()) word = "_";
+        const auto is_taken = [&](const std::string& w) { return std::find(taken.begin(), taken.end(), w) != taken.end() || std::find(plain.begin(), plain.end(), w) != plain.end(); };
+        std::string free = word;
+        for (int number = 2; is_taken(free); ++number) free = word + '_' + std::to_string(number);
+        plain.push_back(free);
+    }
+    return plain;
+}
+
 bool is_surface_name(const std::string& path) { return writer_of(path) != nullptr; }
 
 std::unique_ptr<SurfaceWriter> make_surface_writer(const std::string& path, const SurfaceWriteSettings& settings) {

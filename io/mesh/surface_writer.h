@@ -2,7 +2,9 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/math/box.h"
@@ -37,10 +39,16 @@ public:
 /// Whether a name ends in .ply, .obj, .stl or .glb.
 bool is_surface_name(const std::string& path);
 
+/// Names of attributes as a format can have them: letters, digits and _ - . : of ASCII, no two alike and none in `taken`, at most 80
+/// bytes each.
+std::vector<std::string> plain_names(const std::vector<std::string>& names, std::span<const std::string_view> taken);
+
 /// PLY, binary: positions as float, or double where a float would lose more than 1/1000 of an edge; quads stay quads.
+///      Attributes are properties of vertices, float.
 /// OBJ: digits to 1/100000 of an edge, colors behind positions; quads stay quads.
 /// STL, binary: world coordinates as float.
-/// GLB: glTF 2.0 in one file; positions less the first piece's origin, which is the translation of its node; y is up there.
+/// GLB: glTF 2.0 in one file; positions less the first piece's origin, which is the translation of its node; y is up there. Attributes are
+///      those of vertices whose names begin with _; where one is unknown, it is 0.
 /// throws  Error{io}: the output; Error{limit}: more than the format holds
 std::unique_ptr<SurfaceWriter> make_surface_writer(const std::string& path, const SurfaceWriteSettings& settings);
 

@@ -23,6 +23,8 @@ inline int fuzz_mesh(TriangleMesh (*read)(const ByteSource&, uint64_t, MeshRepor
                 if (vertex >= mesh.positions.size()) __builtin_trap();
         for (const size_t count : {mesh.normals.size(), mesh.colors.size()})
             if (count != 0 && count != mesh.positions.size()) __builtin_trap();
+        for (const MeshScalars& scalars : mesh.scalars)
+            if (scalars.values.size() != mesh.positions.size()) __builtin_trap();
     } catch (const Error&) {
     }
     return 0;

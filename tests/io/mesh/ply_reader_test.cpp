@@ -250,6 +250,52 @@ TEST(PlyReader, DataThatLieAreRefused) {
     }
 }
 
+// Each type of number becomes a float, in the order of the file; what has a place of its own, lists and texture coordinates are none of them.
+TEST(PlyReader, KeepsOtherValuesWhereAskedTo) {
+    const std::string elements = "element vertex 2\n" + kPlace + "property double height\nproperty uchar red\nproperty float u\nproperty char a\nproperty uchar b\nproperty short c\n"
+                                 "property ushort d\nproperty int e\nproperty uint f\nproperty list uchar int near\nproperty float height\nproperty float NaN\n";
+    for (const std::string encoding : {"ascii", "binary_little_endian", "binary_big_endian"}) {
+        Data data = data_of(encoding, head(encoding, elements));
+        if (encoding == "ascii") {
+            data.bytes = test::bytes_of(head(encoding, elements) + "0 0 0 0.5 9 9 -1 255 -32768 65535 -2147483648 4294967295 1 7 8 nan\n1 1 1 -2 9 9 1 2 3 4 5 6 0 8 3\n");
+        } else {
+            for (int i = 0; i < 3; ++i) data.put(0.0f);
+            data.put(0.5).put(uint8_t{9}).put(9.0f).put(int8_t{-1}).put(uint8_t{255}).put(int16_t{-32768}).put(uint16_t{65535}).put(int32_t{-2147483647 - 1}).put(uint32_t{4294967295});
+            data.put(uint8_t{1}).put(int32_t{7}).put(8.0f).put(std::numeric_limits<float>::quiet_NaN());
+            for (int i = 0; i < 3; ++i) data.put(1.0f);
+            data.put(-2.0).put(uint8_t{9}).put(9.0f).put(int8_t{1}).put(uint8_t{2}).put(int16_t{3}).put(uint16_t{4}).put(int32_t{5}).put(uint32_t{6}).put(uint8_t{0}).put(8.0f).put(3.0f);
+        }
+        EXPECT_TRUE(test::mesh_of(read_ply, data.bytes).mesh.scalars.empty()) << encoding;
+        const TriangleMesh mesh = test::mesh_of(read_ply_with_scalars, data.bytes).mesh;
+        const std::vector<std::pair<std::string, std::array<float, 2>>> expected = {
+            {"height", {0.5f, -2.0f}}, {"a", {-1, 1}}, {"b", {255, 2}}, {"c", {-32768, 3}}, {"d", {65535, 4}}, {"e", {-2147483648.0f, 5}}, {"f", {4294967296.0f, 6}}};
+        ASSERT_EQ(mesh.scalars.size(), expected.size() + 1) << encoding;
+        for (size_t i = 0; i < expected.size(); ++i) {
+            EXPECT_EQ(mesh.scalars[i].name, expected[i].first) << encoding;
+            EXPECT_EQ(mesh.scalars[i].values, std::vector<float>(expected[i].second.begin(), expected[i].second.end())) << encoding << ' ' << expected[i].first;
+        }
+        EXPECT_TRUE(std::isnan(mesh.scalars.back().values[0]));
+        EXPECT_EQ(mesh.scalars.back().values[1], 3.0f);
+    }
+}
+
+TEST(PlyReader, OtherValuesAreBoundedAndLeaveWithTheirVertices) {
+    std::string elements = "element vertex 3\n" + kPlace, row;
+    for (int i = 0; i < 40; ++i) {
+        elements += "property uchar p" + std::to_string(i) + '\n';
+        row += ' ' + std::to_string(i);
+    }
+    const std::string text = head("ascii", elements) + "0 0 0" + row + "\nnan 0 0" + row + "\n1 0 0" + row + '\n';
+    const test::MeshOf result = test::mesh_of(read_ply_with_scalars, text);
+    ASSERT_EQ(result.mesh.scalars.size(), 32u);
+    EXPECT_EQ(result.mesh.scalars.back().name, "p31");
+    EXPECT_EQ(result.mesh.scalars.back().values, (std::vector<float>{31, 31}));
+    ASSERT_EQ(result.report.notes.size(), 2u);
+    EXPECT_EQ(result.report.notes[0], "8 properties of vertices beyond the first 32 are left out");
+    // 24 bytes a place and 4 a value are counted before they are taken.
+    EXPECT_EQ(test::refusal_of(read_ply_with_scalars, test::bytes_of(text), 455, ErrorKind::limit), "mesh: the mesh needs 456 bytes of memory, 455 are allowed");
+}
+
 // Counts say what is needed before anything is taken.
 TEST(PlyReader, MemoryIsCapped) {
     std::string text = head("ascii", "element vertex 1000\n" + kPlace + "element face 2000\n" + kCorners);

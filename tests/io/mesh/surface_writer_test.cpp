@@ -192,6 +192,56 @@ TEST_P(SurfaceFile, KeepsOpacityOrSaysThatItIsLost) {
     EXPECT_EQ(mesh.colors.front()[3], 255);
 }
 
+// What is written of a tube with two attributes, each with a name that no format has, and values that tell the vertex.
+std::vector<std::string> write_scalars(const std::string& path, const Tube& tube, const std::vector<std::string>& names, bool unknown) {
+    MeasuredSurface measured(nullptr, nullptr, 0);
+    const auto writer = make_surface_writer(path, {.overwrite = true, .normals = true, .colors = true, .scalars = names, .bounds = tube.bounds(), .edge = tube.edge(),
+                                                   .scratch_folder = std::filesystem::path(path).parent_path(), .positions = &measured.positions()});
+    measured.set_next(writer.get());
+    uint32_t vertex = 0;
+    for (const Tube::Piece& piece : tube.pieces()) {
+        std::vector<std::vector<float>> values(names.size());
+        for (size_t i = 0; i < piece.positions.size(); ++i, ++vertex)
+            for (size_t s = 0; s < names.size(); ++s) values[s].push_back(unknown && vertex % 10 == 3 ? std::numeric_limits<float>::quiet_NaN() : float(vertex) + 0.25f * float(s));
+        std::vector<VertexScalars> scalars;
+        for (size_t s = 0; s < names.size(); ++s) scalars.push_back({names[s], values[s]});
+        measured.add({.origin = piece.origin, .positions = piece.positions, .normals = piece.normals, .colors = piece.colors, .scalars = scalars, .triangles = piece.triangles, .quads = piece.quads});
+    }
+    const uint64_t bytes = writer->commit(Durability::unsynced);
+    EXPECT_EQ(bytes, std::filesystem::file_size(path));
+    return writer->notes();
+}
+
+TEST_P(SurfaceFile, KeepsAttributesOrSaysThatTheyAreLost) {
+    for (const size_t count : {1, 2, 16}) {
+        std::vector<std::string> names;
+        for (size_t s = 0; s < count; ++s) names.push_back(s == 0 ? "bone density" : s == 1 ? std::string(500, 'w') : "x");
+        const Tube tube;
+        const std::vector<std::string> notes = write_scalars(path_, tube, names, true);
+        const TriangleMesh mesh = read_mesh(path_, {.scalars = true});
+        ASSERT_EQ(mesh.positions.size(), is_stl_ ? mesh.positions.size() : tube.vertices());
+        if (is_stl_ || is_obj_) {
+            ASSERT_FALSE(notes.empty());
+            EXPECT_NE(notes.back().find("no attributes of vertices: they are left out"), std::string::npos) << notes.back();
+            EXPECT_TRUE(mesh.scalars.empty());
+            continue;
+        }
+        EXPECT_TRUE(notes.empty());
+        ASSERT_EQ(mesh.scalars.size(), count);
+        EXPECT_EQ(mesh.scalars[0].name, "bone_density");
+        if (count > 1) EXPECT_EQ(mesh.scalars[1].name, std::string(72, 'w'));
+        if (count > 2) EXPECT_EQ(mesh.scalars[2].name, "x_2") << "x is a coordinate";
+        if (count > 3) EXPECT_EQ(mesh.scalars[3].name, "x_3");
+        for (size_t s = 0; s < count; ++s)
+            for (uint32_t i = 0; i < tube.vertices(); ++i) {
+                const float value = mesh.scalars[s].values[i];
+                if (i % 10 == 3) EXPECT_TRUE(std::isnan(value)) << s << ' ' << i;
+                else EXPECT_EQ(value, float(i) + 0.25f * float(s)) << s << ' ' << i;
+            }
+        EXPECT_TRUE(measure_surface(mesh).is_closed());
+    }
+}
+
 INSTANTIATE_TEST_SUITE_P(Formats, SurfaceFile, testing::Values(".ply", ".obj", ".stl"), [](const auto& at) { return std::string(at.param).substr(1); });
 
 TEST(SurfaceNames, EndingsInAnyCaseTellTheFormat) {
@@ -257,6 +307,40 @@ TEST(GlbWriter, BlendsWhatCanBeSeenThrough) {
     EXPECT_FALSE(material({.opacity = 90}, false).contains("alphaMode")) << "no color was written";
     EXPECT_EQ(material({.opacity = 254}, true)["alphaMode"], "BLEND");
     EXPECT_EQ(material({.opacity = 0}, true)["alphaMode"], "BLEND");
+}
+
+// Sections 3.6.2.2 and 3.7.2.1 of glTF 2.0: names of attributes of one's own begin with _, and no value is NaN.
+TEST(GlbWriter, KeepsAttributesOfVertices) {
+    const TemporaryFolder folder;
+    const Tube tube;
+    std::vector<std::string> names = {"bone density", "x\"\\\n"};
+    for (int i = 0; i < 14; ++i) names.emplace_back(100, 'w');  // as long as names may be
+    EXPECT_TRUE(write_scalars(folder.file("whole.glb"), tube, names, false).empty());
+    const std::vector<std::string> notes = write_scalars(folder.file("out.glb"), tube, names, true);
+    ASSERT_EQ(notes.size(), 1u);
+    EXPECT_NE(notes[0].find("GLB has no unknown values: 176 of attributes are 0 there"), std::string::npos) << notes[0];  // 110 vertices, 11 of them, 16 times
+    const std::string file = test::file_contents(folder.file("out.glb"));
+    uint32_t json_bytes;
+    std::memcpy(&json_bytes, file.data() + 12, 4);
+    const nlohmann::json document = nlohmann::json::parse(file.substr(20, json_bytes));
+    const nlohmann::json& attributes = document["meshes"][0]["primitives"][0]["attributes"];
+    EXPECT_EQ(attributes.size(), 3u + 16u);
+    const nlohmann::json& view = document["bufferViews"][0];
+    EXPECT_EQ(view["byteStride"], 12 + 12 + 8 + 16 * 4);
+    for (const auto& [name, offset, shift] : {std::tuple("_bone_density", 0u, 0.0f), std::tuple("_x___", 1u, 0.25f)}) {
+        ASSERT_TRUE(attributes.contains(name)) << attributes;
+        const nlohmann::json& accessor = document["accessors"][attributes[name].get<size_t>()];
+        EXPECT_EQ(accessor["type"], "SCALAR");
+        EXPECT_EQ(accessor["componentType"], 5126);
+        EXPECT_EQ(accessor["count"], tube.vertices());
+        EXPECT_EQ(accessor["byteOffset"], 32 + 4 * offset);
+        for (uint32_t i = 0; i < tube.vertices(); ++i) {
+            float value;
+            std::memcpy(&value, file.data() + 20 + json_bytes + 8 + i * 96 + 32 + 4 * offset, 4);
+            EXPECT_EQ(value, i % 10 == 3 ? 0.0f : float(i) + shift) << name << ' ' << i;
+        }
+    }
+    EXPECT_THROW(make_surface_writer(folder.file("many.glb"), {.scalars = std::vector<std::string>(61, "a"), .scratch_folder = folder.path()}), Error);
 }
 
 // Another program's reader finds the same surface, by way of the node's rotation and translation.
