@@ -36,7 +36,7 @@ struct ContourReport {
     uint64_t nan_samples = 0;
     float least = std::numeric_limits<float>::infinity(),
           greatest = -std::numeric_limits<float>::infinity();  // of samples that are not NaN
-    bool meets_boundary = false;                               // of the grid: the surface is open there, or was closed
+    bool meets_boundary = false;                               // of the grid, or cells with NaN: the surface is open there, or was closed
     uint64_t clamped_vertices = 0;  // vertices lie at least 2^-10 of an edge from its ends; those that were moved to do so
     double largest_shift_cells = 0.0;
     uint64_t ambiguous_cells = 0;  // cells whose corners alone do not tell how the surface runs
@@ -68,8 +68,9 @@ ContourReport contour_grid(const GridPlacement& placement, const std::array<uint
 /// throws  as contour_grid, and what source and sink throw; Error{limit}: two slices and their surface do not fit in memory_bytes
 ContourReport contour_slices(SliceSource& source, const ContourSettings& settings, SurfaceSink& sink);
 
-/// The same of a sparse field: only cells with a sample in a brick are visited. The surface never meets a boundary, so that there is
-/// nothing to close; `nan_samples`, `least` and `greatest` are those of bricks. Normals are the gradient's.
+/// The same of a sparse field: only cells with a sample in a brick are visited. There is no boundary to close the surface at: it has one
+/// only where it is open at NaN, which `meets_boundary` tells; each vertex has a face there, too. `nan_samples`, `least` and `greatest` are those of
+/// bricks. Normals are the gradient's.
 /// throws  as contour_slices; Error{malformed}: layers or bricks out of order; Error{limit}: up to five layers, that being read one of them,
 ///         and what is made of them do not fit in memory_bytes
 ContourReport contour_bricks(FieldBrickSource& source, const ContourSettings& settings, SurfaceSink& sink);

@@ -27,20 +27,23 @@ namespace {
 
 constexpr int kSide = kFieldBrickSide;
 constexpr size_t kBlock = 32;  // bricks that a thread takes at a time
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
 using Corner = std::array<int32_t, 2>;
 
 bool is_same(const Corner& a, const Corner& b) { return a[0] == b[0] && a[1] == b[1]; }
 bool comes_before(const Corner& a, const Corner& b) { return a[1] != b[1] ? a[1] < b[1] : a[0] < b[0]; }
 
-// Samples of a layer and, for every isovalue, which of them are inside: a word a plane of constant k, bit 8 j + i.
+using Planes = std::array<uint64_t, kSide>;  // a word a plane of constant k, bit 8 j + i
+
+// Samples of a layer and, for every isovalue, which of them are inside; where surfaces are open at NaN, then which of them are not NaN.
 struct Samples {
     FieldBrickLayer layer;
-    std::vector<std::array<uint64_t, kSide>> masks;  // [isovalue * bricks + brick]
+    std::vector<Planes> masks;  // [level * bricks + brick]
 };
 
 // The surface in the cells whose least corner is in a brick's place, and on the edges that begin at its samples.
 struct Part {
-    std::array<std::array<uint64_t, kSide>, 3> crossed;  // edges along i, j, k: [axis][plane]
+    std::array<Planes, 3> crossed;                       // edges along i, j, k that have a vertex: [axis][plane]
     std::array<std::array<uint32_t, kSide>, 3> first;    // the number of the first vertex on those
     uint32_t first_inner = 0, inner = 0;
     uint64_t first_triangle = 0;
@@ -54,7 +57,10 @@ struct Cells {
     std::vector<std::array<int32_t, 8>>
         samples;                   // [corners] the bricks at + (n & 1, n >> 1 & 1, n >> 2) in their layers; -1 - n: constants[n]
     std::vector<float> constants;  // of bricks that are not given
+    std::vector<Planes> whole;     // [corners] the cells without a NaN sample; empty: all are taken for such
     std::vector<Part> parts;       // [isovalue * corners + brick]
+
+    uint64_t whole_cells(size_t brick, size_t plane) const { return whole.empty() ? ~uint64_t{0} : whole[brick][plane]; }
 };
 
 // Finds corners in a sorted list, asked for in ascending order.
@@ -91,6 +97,8 @@ std::vector<Corner> all_moved(std::vector<Corner> corners, int32_t bricks_i, int
 constexpr uint64_t kFirstColumn = 0x0101010101010101, kLastColumn = kFirstColumn << 7;
 uint64_t along_i(uint64_t plane, uint64_t next) { return (plane >> 1 & ~kLastColumn) | (next & kFirstColumn) << 7; }
 uint64_t along_j(uint64_t plane, uint64_t next) { return plane >> 8 | next << 56; }
+uint64_t back_along_i(uint64_t plane, uint64_t last) { return (plane & ~kLastColumn) << 1 | (last & kLastColumn) >> 7; }
+uint64_t back_along_j(uint64_t plane, uint64_t last) { return plane << 8 | last >> 56; }
 
 class BrickContour {
 public:
@@ -111,6 +119,8 @@ public:
             if (!std::isfinite(isovalue)) throw Error(ErrorKind::usage, "an isovalue is not finite");
             levels_.push_back(level_of(isovalue, below_));
         }
+        // With what every number is inside of, masks say which samples are numbers.
+        if (settings.open_at_nan) levels_.push_back(below_ ? kInfinity : -kInfinity);
     }
 
     ContourReport run() {
@@ -124,10 +134,10 @@ public:
         for (int32_t k = first_k_ - kSide;;) {
             read_to(k + 2 * kSide);
             if (!cells_) {
-                cells_ = make_cells(k);
+                cells_ = make_cells(k, nullptr);
                 if (cells_ && crosses_early(*cells_)) refuse_absent(*cells_);  // no layer was before that it could have come with
             }
-            above_ = make_cells(k + kSide);
+            above_ = make_cells(k + kSide, cells_ ? &*cells_ : nullptr);
             if (cells_) pass_on(*cells_, above_ ? &*above_ : nullptr);
             if (cells_) spare_cells_ = std::move(*cells_);
             cells_ = std::move(above_);
@@ -260,39 +270,42 @@ private:
         return values;
     }
 
-    // The samples of plane k, 0 to 8, that the corners of a brick's cells with that k lie in.
-    std::array<uint64_t, 4> corners_of(const Cells& cells, const std::array<const Samples*, 2>& layers, size_t isovalue, size_t brick,
+    // Which samples of plane k, 0 to 8, that the corners of a brick's cells with that k lie in, are inside of a level.
+    std::array<uint64_t, 4> corners_of(const Cells& cells, const std::array<const Samples*, 2>& layers, size_t level, size_t brick,
                                        int k) const {
         std::array<uint64_t, 4> words;
         for (size_t n = 0; n < 4; ++n) {
             const size_t upper = size_t(k) / kSide;
             const int32_t there = cells.samples[brick][4 * upper + n];
-            words[n] = there < 0 ? mask_of(cells.constants[size_t(-1 - there)], isovalue)
-                                 : layers[upper]->masks[isovalue * layers[upper]->layer.corners.size() + size_t(there)][size_t(k) % kSide];
+            words[n] = there < 0 ? mask_of(cells.constants[size_t(-1 - there)], level)
+                                 : layers[upper]->masks[level * layers[upper]->layer.corners.size() + size_t(there)][size_t(k) % kSide];
         }
         const uint64_t up = along_j(words[0], words[2]), up_next = along_j(words[1], words[3]);
         return {words[0], along_i(words[0], words[1]), up, along_i(up, up_next)};
     }
 
-    uint64_t mask_of(float constant, size_t isovalue) const {
-        const bool inside = below_ ? constant <= levels_[isovalue] : constant >= levels_[isovalue];
+    uint64_t mask_of(float constant, size_t level) const {
+        const bool inside = below_ ? constant <= levels_[level] : constant >= levels_[level];
         return inside ? ~uint64_t{0} : 0;
     }
 
-    std::optional<Cells> make_cells(int32_t k) {
+    // below  those of the layer below, if it has any
+    std::optional<Cells> make_cells(int32_t k, const Cells* below) {
         const std::array<const Samples*, 2> layers = {samples_at(k), samples_at(k + kSide)};
         if (layers[0] == nullptr && layers[1] == nullptr) return std::nullopt;
         Cells cells = std::exchange(spare_cells_, {});  // for its memory
         cells.k = k;
         cells.corners.clear();
         cells.constants.clear();
+        cells.whole.clear();
         cells.parts.clear();
         for (const Samples* layer : layers)
             if (layer != nullptr) cells.corners = united(cells.corners, layer->layer.corners);
         cells.corners = united(cells.corners, all_moved(cells.corners, -1, 0));
         cells.corners = united(cells.corners, all_moved(cells.corners, 0, -1));
         const size_t bricks = cells.corners.size();
-        check_memory(bricks * (sizeof cells.corners[0] + sizeof cells.samples[0] + sizeof neighbors_[0] + levels_.size() * sizeof(Part)));
+        check_memory(bricks * (sizeof cells.corners[0] + sizeof cells.samples[0] + sizeof neighbors_[0] + isovalues() * sizeof(Part) +
+                               (settings_.open_at_nan ? sizeof cells.whole[0] : 0)));
         cells.samples.resize(bricks);
         find_around(
             cells, {layers[0] != nullptr ? &layers[0]->layer.corners : nullptr, layers[1] != nullptr ? &layers[1]->layer.corners : nullptr},
@@ -303,19 +316,75 @@ private:
                 const Corner corner = moved(cells.corners[b], int32_t(n & 1), int32_t(n >> 1 & 1));
                 cells.samples[b][n] = constant_of(cells, source_.absent_value({corner[0], corner[1], k + (n < 4 ? 0 : kSide)}));
             }
-        cells.parts.resize(levels_.size() * bricks);
+        if (settings_.open_at_nan) find_whole(cells, layers, below);
+        cells.parts.resize(isovalues() * bricks);
         std::mutex mutex;
         const auto count = kernel(count_baseline, count_avx2, count_avx512);
         parallel_blocks(settings_.threads, bricks, kBlock, [&](size_t begin, size_t end) {
             Ambiguous found;
-            for (size_t s = 0; s < levels_.size(); ++s)
-                for (size_t b = begin; b < end; ++b) count(*this, cells, layers, s, b, found);
+            bool is_open = false;
+            for (size_t s = 0; s < isovalues(); ++s)
+                for (size_t b = begin; b < end; ++b) {
+                    count(*this, cells, layers, s, b, found);
+                    if (!cells.whole.empty()) is_open |= leave_out_unused(cells, below, s, b);
+                }
             const std::lock_guard lock(mutex);
             report_.ambiguous_cells += found.cells;
             report_.tunnel_cells += found.tunnels;
+            report_.meets_boundary |= is_open;
         });
         return cells;
     }
+
+    // Which cells have no NaN sample, and where those are that lie before them.
+    void find_whole(Cells& cells, const std::array<const Samples*, 2>& layers, const Cells* below) {
+        cells.whole.resize(cells.corners.size());
+        parallel_blocks(settings_.threads, cells.corners.size(), kBlock, [&](size_t begin, size_t end) {
+            const auto all = [](const std::array<uint64_t, 4>& words) { return words[0] & words[1] & words[2] & words[3]; };
+            for (size_t b = begin; b < end; ++b) {
+                uint64_t low = all(corners_of(cells, layers, isovalues(), b, 0));
+                for (int k = 0; k < kSide; ++k) {
+                    const uint64_t high = all(corners_of(cells, layers, isovalues(), b, k + 1));
+                    cells.whole[b][size_t(k)] = low & high;
+                    low = high;
+                }
+            }
+        });
+        find_around(cells, {&cells.corners, below != nullptr ? &below->corners : nullptr}, neighbors_, -1);
+    }
+
+    // Takes the vertices away that no cell has: all four around their edge have a NaN sample. Returns whether the surface is open at an
+    // edge, which some of the four have.
+    bool leave_out_unused(Cells& cells, const Cells* below, size_t isovalue, size_t brick) const {
+        Part& part = cells.parts[isovalue * cells.corners.size() + brick];
+        const std::array<int32_t, 8>& before = neighbors_[brick];
+        uint64_t open = 0;
+        for (size_t k = 0; k < kSide; ++k) {
+            std::array<uint64_t, 8> whole;  // the cells at - (n & 1, n >> 1 & 1, n >> 2)
+            for (size_t lower = 0; lower < 2; ++lower) {
+                std::array<uint64_t, 4> planes;
+                for (size_t n = 0; n < 4; ++n) {
+                    const bool is_below = lower > k;
+                    const int32_t there = before[n + (is_below ? 4 : 0)];
+                    planes[n] = there < 0 ? 0 : (is_below ? *below : cells).whole[size_t(there)][(k - lower) % kSide];
+                }
+                const uint64_t back = back_along_j(planes[0], planes[2]), back_last = back_along_j(planes[1], planes[3]);
+                whole[4 * lower] = planes[0];
+                whole[4 * lower + 1] = back_along_i(planes[0], planes[1]);
+                whole[4 * lower + 2] = back;
+                whole[4 * lower + 3] = back_along_i(back, back_last);
+            }
+            for (size_t axis = 0; axis < 3; ++axis) {
+                const size_t u = size_t(1) << (axis + 1) % 3, v = size_t(1) << (axis + 2) % 3;
+                uint64_t& crossed = part.crossed[axis][k];
+                crossed &= whole[0] | whole[u] | whole[v] | whole[u + v];
+                open |= crossed & ~(whole[0] & whole[u] & whole[v] & whole[u + v]);
+            }
+        }
+        return open != 0;
+    }
+
+    size_t isovalues() const { return settings_.isovalues.size(); }
 
     // Most neighbors have the value of the one before; there may be many values.
     static int32_t constant_of(Cells& cells, float value) {
@@ -349,11 +418,12 @@ private:
             const std::array<uint64_t, 4> high = corners_of(cells, layers, isovalue, brick, k + 1);
             const std::array<uint64_t, 8> corner = corner_words(low, high);
             for (size_t axis = 0; axis < 3; ++axis) part.crossed[axis][size_t(k)] = corner[0] ^ corner[size_t(1) << axis];
-            if (const uint64_t active = active_cells(corner); active != 0) {
+            const uint64_t whole = cells.whole_cells(brick, size_t(k));
+            if (const uint64_t active = active_cells(corner) & whole; active != 0) {
                 // As many triangles as crossings, less two for each loop of them; a plain cell has one.
-                for (const CellEdge& edge : kCellEdge) triangles += std::popcount(corner[edge.lower] ^ corner[edge.upper]);
+                for (const CellEdge& edge : kCellEdge) triangles += std::popcount((corner[edge.lower] ^ corner[edge.upper]) & whole);
                 triangles -= 2 * std::popcount(active);
-                for (uint64_t left = undecided_cells(corner); left != 0; left &= left - 1) {
+                for (uint64_t left = undecided_cells(corner) & whole; left != 0; left &= left - 1) {
                     const auto bit = unsigned(std::countr_zero(left));
                     unsigned cell_case = 0;
                     for (unsigned c = 0; c < 8; ++c) cell_case |= unsigned(corner[c] >> bit & 1) << c;
@@ -399,11 +469,11 @@ private:
             next += count;
         };
         std::vector<uint64_t> ends;  // of the vertices of each isovalue: first those of the cells, then the early ones of the next
-        for (size_t s = 0; s < levels_.size(); ++s) {
+        for (size_t s = 0; s < isovalues(); ++s) {
             for_vertices(cells, s, false, number);
             ends.push_back(next);
         }
-        for (size_t s = 0; s < levels_.size() && above != nullptr; ++s) {
+        for (size_t s = 0; s < isovalues() && above != nullptr; ++s) {
             for_vertices(*above, s, true, number);
             ends.push_back(next);
         }
@@ -439,7 +509,7 @@ private:
         parallel_blocks(settings_.threads, bricks, kBlock, [&](size_t begin, size_t end) {
             CutStatistics cuts;
             for (size_t b = begin; b < end; ++b)
-                for (size_t s = 0; s < levels_.size(); ++s) {
+                for (size_t s = 0; s < isovalues(); ++s) {
                     put_vertices(*this, cells, s, b, false, cuts);
                     put_triangles(*this, cells, above, s, b);
                 }
@@ -449,7 +519,7 @@ private:
             parallel_blocks(settings_.threads, above->corners.size(), kBlock, [&](size_t begin, size_t end) {
                 CutStatistics cuts;
                 for (size_t b = begin; b < end; ++b)
-                    for (size_t s = 0; s < levels_.size(); ++s) put_vertices(*this, *above, s, b, true, cuts);
+                    for (size_t s = 0; s < isovalues(); ++s) put_vertices(*this, *above, s, b, true, cuts);
                 keep(cuts);
             });
 
@@ -458,7 +528,7 @@ private:
         if (sink_ == nullptr) return;
         colors_.clear();
         if (!settings_.colors.empty())
-            for (size_t n = 0; n < ends.size(); ++n) colors_.resize(size_t(ends[n] - before), settings_.colors[n % levels_.size()]);
+            for (size_t n = 0; n < ends.size(); ++n) colors_.resize(size_t(ends[n] - before), settings_.colors[n % isovalues()]);
         sink_->add({.origin = mesh_.origin,
                     .positions = {mesh_.positions.data(), mesh_.positions.size()},
                     .normals = {mesh_.normals.data(), mesh_.normals.size()},
@@ -477,7 +547,7 @@ private:
         for (const std::optional<Cells>* cells : {&cells_, &above_})
             if (*cells)
                 bytes += (*cells)->corners.size() * (sizeof (*cells)->corners[0] + sizeof (*cells)->samples[0] + sizeof neighbors_[0]) + (*cells)->constants.size() * sizeof(float) +
-                         (*cells)->parts.size() * sizeof(Part);
+                         (*cells)->whole.size() * sizeof(Planes) + (*cells)->parts.size() * sizeof(Part);
         return bytes;
     }
 
@@ -491,14 +561,15 @@ private:
     }
 
     // The places in the lists of a layer and of the next of what is at each corner + (n & 1, n >> 1 & 1, n >> 2) bricks; -1: not there.
+    // step  -1: of the one before, and at each corner - that
     void find_around(const Cells& cells, const std::array<const std::vector<Corner>*, 2>& lists,
-                     std::vector<std::array<int32_t, 8>>& found) const {
+                     std::vector<std::array<int32_t, 8>>& found, int32_t step = 1) const {
         found.resize(cells.corners.size());
         parallel_blocks(settings_.threads, 8, 1, [&](size_t begin, size_t end) {
             for (size_t n = begin; n < end; ++n) {
                 Finder finder(lists[n >> 2]);
                 for (size_t b = 0; b < found.size(); ++b)
-                    found[b][n] = finder.find(moved(cells.corners[b], int32_t(n & 1), int32_t(n >> 1 & 1)));
+                    found[b][n] = finder.find(moved(cells.corners[b], step * int32_t(n & 1), step * int32_t(n >> 1 & 1)));
             }
         });
     }
@@ -569,7 +640,7 @@ private:
     Vec3f normal_of(const Vec3d& outward) const { return unit_normal(normal_from_gradient_ * outward); }
 
     // Whether cells of a plane have a crossed edge that begins in the place of a brick without cells.
-    static bool crosses_unowned(const std::array<const Part*, 8>& around, const std::array<uint64_t, 8>& corner, unsigned k) {
+    static bool crosses_unowned(const std::array<const Part*, 8>& around, const std::array<uint64_t, 8>& corner, uint64_t whole, unsigned k) {
         constexpr uint64_t kLastRow = uint64_t{0xff} << 56;
         const auto beyond = [](bool is_at_end, uint64_t last, bool upper) { return is_at_end ? last : upper ? ~last : ~uint64_t{0}; };
         for (unsigned n = 1; n < 8; ++n) {
@@ -578,7 +649,7 @@ private:
                 const unsigned c = edge.lower;
                 if ((c & n) != n || ((n & 4) != 0) != ((c & 4) != 0 && k == kSide - 1)) continue;
                 const uint64_t there = beyond((n & 1) != 0, kLastColumn, (c & 1) != 0) & beyond((n & 2) != 0, kLastRow, (c & 2) != 0);
-                if (((corner[edge.lower] ^ corner[edge.upper]) & there) != 0) return true;
+                if (((corner[edge.lower] ^ corner[edge.upper]) & there & whole) != 0) return true;
             }
         }
         return false;
@@ -623,8 +694,9 @@ private:
             const std::array<uint64_t, 4> high = corners_of(cells, layers, isovalue, brick, int(k) + 1);
             const std::array<uint64_t, 8> corner = corner_words(low, high);
             low = high;
-            if (!all_owned && crosses_unowned(around, corner, k)) refuse_absent(cells);
-            for (uint64_t left = active_cells(corner); left != 0; left &= left - 1) {
+            const uint64_t whole = cells.whole_cells(brick, k);
+            if (!all_owned && crosses_unowned(around, corner, whole, k)) refuse_absent(cells);
+            for (uint64_t left = active_cells(corner) & whole; left != 0; left &= left - 1) {
                 const auto bit = unsigned(std::countr_zero(left));
                 const unsigned i = bit & 7, j = bit >> 3;
                 unsigned cell_case = 0;
@@ -712,7 +784,7 @@ private:
     bool below_, mirrored_;
     std::array<Vec3d, 3> axes_;
     Mat3d normal_from_gradient_;
-    std::vector<float> levels_;
+    std::vector<float> levels_;  // of isovalues, and then perhaps of what is a number
 
     std::deque<Samples> window_;  // of layers, ascending
     Samples spare_samples_;
@@ -725,7 +797,7 @@ private:
     int32_t first_k_ = 0;
     Corner first_corner_ = {0, 0};
 
-    std::vector<std::array<int32_t, 8>> neighbors_;   // of the cells passed on
+    std::vector<std::array<int32_t, 8>> neighbors_;   // of the cells passed on, or of those made
     mutable std::mutex source_mutex_;                 // of absent_value
     uint64_t first_vertex_ = 0, first_triangle_ = 0;  // the number of the first in the mesh, and the place of the first triangle passed on
     std::vector<std::array<uint8_t, 4>> colors_;

@@ -53,8 +53,8 @@ struct FieldBrickLayer {
 };
 
 /// Scalars on an endless grid of which only some bricks are stored, layer after layer from the least k upwards. A brick that is not given is
-/// constant, of the background's value or of that of a constant region, such as the inside of a level set. Of two bricks that touch, if
-/// only at a corner, and have different values, one is given: a surface passes only through cells with a sample in a brick that is given.
+/// constant, of the background's value or of that of a constant region, such as the inside of a level set; or NaN: there is no value. Of two bricks that touch, if
+/// only at a corner, and have different values that are not NaN, one is given: a surface passes only through cells with a sample in a brick that is given.
 class FieldBrickSource {
 public:
     virtual ~FieldBrickSource() = default;

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <map>
 #include <string>
 #include <tuple>
@@ -210,6 +211,128 @@ TEST(ContourBricks, SameSurfaceAsTheWholeGrid) {
         const auto triangles_there = triangles_of(theirs, {mesh.triangles.data(), mesh.triangles.size()});
         for (const auto& [triangle, count] : triangles_of(ours, sink.triangles)) triangles_unlike += triangles_there.count(triangle) == 0;
         EXPECT_LT(triangles_unlike, sink.triangles.size() / 20);
+    }
+}
+
+// Random samples in bricks, of which some are NaN: where the surface may be open, it is that of the field with numbers there, without the
+// triangles of cells that have a NaN corner and without the vertices that no other has.
+TEST(ContourBricks, IsOpenAtNaN) {
+    const Place least = {-16, -8, -24}, end = {24, 24, 16};
+    for (const uint64_t seed : {1, 2, 3, 4, 5, 6}) {
+        const auto random_at = [=](const Place& p, uint64_t salt) {
+            return Random(mix_bits(seed + 100 * salt) ^ uint64_t(uint32_t(p[0])) ^ uint64_t(uint32_t(p[1])) << 20 ^ uint64_t(uint32_t(p[2])) << 40).uniform(0.0, 1.0);
+        };
+        const bool is_smooth = seed % 2 == 0;
+        const auto number = [=](const Place& p) {
+            return float(is_smooth ? std::sin(0.4 * p[0]) + std::sin(0.3 * p[1]) + std::sin(0.5 * p[2]) : random_at(p, 0) * 2.0 - 1.0);
+        };
+        const auto given = [=](const Place& corner) { return corner == least || random_at(corner, 1) > 0.3; };
+        const auto is_kept = [=](const Place& corner) { return corner == least || seed < 5 || random_at(corner, 2) > 0.3; };
+        const bool rest_is_nan = seed >= 3;  // where no brick is given
+        const double share = seed % 2 == 0 ? 0.002 : 0.03;
+        const auto is_nan = [=](const Place& p) {
+            const Place corner = {brick_of(p[0]), brick_of(p[1]), brick_of(p[2])};
+            bool within = true;
+            for (size_t axis = 0; axis < 3; ++axis) within = within && p[axis] >= least[axis] && p[axis] < end[axis];
+            return within && given(corner) && is_kept(corner) ? random_at(p, 3) < share : rest_is_nan;
+        };
+        const float nan = std::numeric_limits<float>::quiet_NaN(), rest = -0.75f;
+        FunctionBricks numbers({}, least, end, number, given, [=](const Place&) { return rest; });
+        const auto holed = [&] {
+            return FunctionBricks({}, least, end, [=](const Place& p) { return is_nan(p) ? nan : number(p); },
+                                  [=](const Place& corner) { return given(corner) && is_kept(corner); },
+                                  [=](const Place&) { return rest_is_nan ? nan : rest; });
+        };
+        for (const ContourInside inside : {ContourInside::above, ContourInside::below}) {
+            ContourSettings settings{.isovalues = {0.25, -0.5}, .inside = inside, .colors = {{1, 2, 3, 4}, {5, 6, 7, 8}}};
+            SurfaceCollector whole;
+            FunctionBricks all = numbers;
+            contour_bricks(all, settings, whole);
+
+            std::vector<char> is_used(whole.positions.size());
+            std::vector<std::array<uint32_t, 3>> triangles;
+            bool is_open = false;
+            for (const auto& triangle : whole.triangles) {
+                Vec3d middle = whole.origin;  // within its cell: a triangle with no corner within lies in no face
+                for (const uint32_t v : triangle) middle += whole.positions[v].cast<double>() / 3.0;
+                bool has_nan = false;
+                for (int32_t c = 0; c < 8; ++c)
+                    has_nan = has_nan || is_nan({int32_t(std::floor(middle.x())) + (c & 1), int32_t(std::floor(middle.y())) + (c >> 1 & 1),
+                                                 int32_t(std::floor(middle.z())) + (c >> 2)});
+                is_open = is_open || has_nan;
+                if (has_nan) continue;
+                triangles.push_back(triangle);
+                for (const uint32_t v : triangle) is_used[v] = 1;
+            }
+            std::vector<Vec3f> positions;
+            std::vector<std::array<uint8_t, 4>> colors;
+            std::vector<uint32_t> numbers_of(is_used.size());
+            for (size_t v = 0; v < is_used.size(); ++v) {
+                if (is_used[v] == 0) continue;
+                numbers_of[v] = uint32_t(positions.size());
+                positions.push_back(whole.positions[v]);
+                colors.push_back(whole.colors[v]);
+            }
+            for (auto& triangle : triangles)
+                for (uint32_t& v : triangle) v = numbers_of[v];
+            ASSERT_GT(triangles.size(), 2000u);
+            ASSERT_LT(triangles.size(), whole.triangles.size());
+
+            settings.open_at_nan = true;
+            for (const int threads : {1, 3}) {
+                settings.threads = threads;
+                FunctionBricks source = holed();
+                SurfaceCollector sink;
+                const ContourReport report = contour_bricks(source, settings, sink);
+                EXPECT_EQ(sink.origin, whole.origin);
+                EXPECT_TRUE(sink.triangles == triangles) << sink.triangles.size() << " for " << triangles.size();
+                EXPECT_TRUE(sink.positions == positions) << sink.positions.size() << " for " << positions.size();
+                EXPECT_TRUE(sink.colors == colors);
+                EXPECT_EQ(report.triangles, triangles.size());
+                EXPECT_EQ(report.vertices, positions.size());
+                EXPECT_TRUE(report.meets_boundary);
+                EXPECT_GT(report.nan_samples, 0u);
+            }
+            // Normals do not change the surface.
+            settings.normals = true;
+            FunctionBricks source = holed();
+            SurfaceCollector sink;
+            contour_bricks(source, settings, sink);
+            EXPECT_TRUE(sink.triangles == triangles && sink.positions == positions && sink.normals.size() == positions.size());
+            for (const Vec3f& normal : sink.normals) ASSERT_TRUE(normal.allFinite());
+        }
+    }
+}
+
+// Without NaN it is the same surface, and closed.
+TEST(ContourBricks, IsClosedWithoutNaN) {
+    const Vec3d center = {3.0, -5.0, 11.0};
+    FunctionBricks source = sphere_band({}, center, 9.0, 2.5, {-64, -64, -64}, {64, 64, 64}), again = source;
+    ContourSettings settings{.isovalues = {0.0}, .inside = ContourInside::below};
+    SurfaceCollector sink, open;
+    contour_bricks(source, settings, sink);
+    settings.open_at_nan = true;
+    EXPECT_FALSE(contour_bricks(again, settings, open).meets_boundary);
+    EXPECT_TRUE(open.positions == sink.positions && open.triangles == sink.triangles);
+}
+
+// A plane in a block of bricks with nothing known beside: a square of it, with a vertex for each line of samples.
+TEST(ContourBricks, APlaneThatEndsWhereNothingIsKnown) {
+    const float nan = std::numeric_limits<float>::quiet_NaN();
+    FunctionBricks source({}, {-16, -16, -8}, {16, 16, 16}, [](const Place& p) { return float(p[2]) - 3.5f; },
+                          [](const Place&) { return true; }, [=](const Place&) { return nan; });
+    SurfaceCollector sink;
+    const ContourReport report =
+        contour_bricks(source, {.isovalues = {0.0}, .inside = ContourInside::below, .open_at_nan = true, .normals = true}, sink);
+    EXPECT_TRUE(report.meets_boundary);
+    EXPECT_EQ(sink.triangles.size(), 2u * 31 * 31);  // cells between 32 samples an axis
+    EXPECT_EQ(sink.positions.size(), 32u * 32);
+    const SurfaceShape shape = shape_of(sink.positions, sink.triangles);
+    EXPECT_EQ(shape.boundary_edges, 4u * 31);
+    EXPECT_EQ(shape.euler, 1);
+    for (size_t v = 0; v < sink.positions.size(); ++v) {
+        EXPECT_EQ(sink.origin.z() + sink.positions[v].z(), 3.5);
+        EXPECT_EQ(sink.normals[v], Vec3f(0, 0, 1));
     }
 }
 
