@@ -1,5 +1,8 @@
 #include "app/commands/info_mesh.h"
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "app/commands/info_json.h"
@@ -13,7 +16,7 @@ using nlohmann::ordered_json;
 
 ordered_json mesh_report(const std::string& path, const Format& format, bool exact, uint64_t memory_bytes) {
     MeshReport said;
-    const TriangleMesh mesh = read_mesh(path, {.most_bytes = memory_bytes}, &said);
+    const TriangleMesh mesh = read_mesh(path, {.most_bytes = memory_bytes, .scalars = true}, &said);
     ordered_json report = {{"path", path}, {"format", format.name}, {"detail", said.format}, {"vertices", mesh.positions.size()},
                            {"triangles", mesh.triangles.size()}, {"faces", said.faces}, {"bounds", box_json(mesh.bounds())},
                            {"attributes", ordered_json::array()}};
@@ -22,6 +25,21 @@ ordered_json mesh_report(const std::string& path, const Format& format, bool exa
     };
     if (!mesh.normals.empty()) add("normal", "float", 3);
     if (!mesh.colors.empty()) add("color", "uint8", 4);
+    for (const MeshScalars& scalars : mesh.scalars) {
+        float least = std::numeric_limits<float>::infinity(), greatest = -least;
+        uint64_t unknown = 0;
+        for (const float value : scalars.values) {
+            if (!std::isfinite(value)) {
+                ++unknown;
+                continue;
+            }
+            least = std::min(least, value);
+            greatest = std::max(greatest, value);
+        }
+        const bool known = least <= greatest;
+        report["attributes"].push_back({{"name", scalars.name}, {"type", "float"}, {"components", 1}, {"min", known ? ordered_json(least) : ordered_json()},
+                                        {"max", known ? ordered_json(greatest) : ordered_json()}, {"unknown", unknown}});
+    }
     if (exact) {
         // All edges are kept, 32 bytes a vertex and some that many edges end at; and parts, 5 bytes a vertex.
         const uint64_t needed = mesh.size_bytes() + mesh.positions.size() * 40;

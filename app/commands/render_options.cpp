@@ -31,7 +31,7 @@ constexpr OptionRow kRows[] = {
     {"--camera", "", "FILE.json", "", "the camera of a file, {\"eye\": [x,y,z], \"target\": ..., \"up\": ..., \"fov\": degrees} or with ortho_height; --stats prints one"},
     {"--ortho", "", "", "", "parallel projection: equal lengths look equal at any distance"},
     {"--meters-per-pixel", "", "UNITS", "", "CRS units a pixel, for --ortho; sets the size too unless --size is given"},
-    {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, normal, density, or an attribute; default: rgb, else elevation. Of voxels rgb, elevation, count, normal, lod or plain, of meshes rgb, elevation, normal or plain; default: rgb, else plain. Of isosurfaces elevation, normal or plain"},
+    {"--color", "-c", "MODE", "", "rgb, intensity, elevation, classification, return, gps-time, source, lod, normal, density, or an attribute; default: rgb, else elevation. Of voxels rgb, elevation, count, normal, lod or plain, of meshes rgb, elevation, normal, plain or an attribute of the vertices of a .ply; default: rgb, else plain. Of isosurfaces elevation, normal or plain"},
     {"--colormap", "", "NAME", "", "color map for quantities"},
     {"--range", "", "LOW,HIGH", "", "values that the color map reaches over; default: 2nd to 98th percentile"},
     {"--preview", "", "", "", "of LAS and LAZ files, the first of each run of points only, 2 million at most: a first look at any size"},

@@ -17,6 +17,7 @@
 #include "io/vdb/vdb_field.h"
 #include "io/vdb/vdb_voxels.h"
 #include "io/volume/volume_source.h"
+#include "render/mesh_colors.h"
 #include "render/mesh_model.h"
 #include "render/pass/mesh_pass.h"
 #include "render/voxel_model.h"
@@ -84,7 +85,11 @@ MeshShading mesh_shading(const Options& options) { return options.text("--mesh")
 
 OpenedMesh open_mesh(const Options& options, const std::string& path, uint64_t memory_bytes) {
     MeshReport report;
-    OpenedMesh opened = {path, std::make_unique<TriangleMesh>(read_mesh(path, {.most_bytes = memory_bytes, .triangles_needed = true}, &report))};
+    const std::string color = options.text("--color");
+    const bool may_be_attribute = !color.empty() && !MeshColors::is_rule(color);
+    OpenedMesh opened = {path, std::make_unique<TriangleMesh>(read_mesh(path, {.most_bytes = memory_bytes, .triangles_needed = true, .scalars = may_be_attribute}, &report))};
+    std::vector<MeshScalars>& scalars = opened.mesh->scalars;
+    if (const size_t wanted = find_mesh_scalars(*opened.mesh, color); wanted < scalars.size()) scalars = {std::move(scalars[wanted])};  // the others are not drawn
     for (const std::string& note : report.notes)
         if (!options.given("--quiet")) std::fprintf(stderr, "note: %s: %s\n", path.c_str(), note.c_str());
     const MeshModelBytes bytes = mesh_model_bytes(*opened.mesh, mesh_shading(options));

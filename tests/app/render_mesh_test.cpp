@@ -134,6 +134,39 @@ TEST_F(RenderMesh, TheGuideNamesEveryKeyOfStats) {
         EXPECT_TRUE(row.find("`" + key + "`") != std::string::npos || row.find("`" + key + " {") != std::string::npos) << key;
 }
 
+// An attribute that is the height looks like the height, from PLY files of this program and of others; without it the picture is plain.
+TEST_F(RenderMesh, AttributesOfVerticesAreColors) {
+    const TriangleMesh mesh = scene_mesh();
+    std::ofstream ply(file("heights.ply"));
+    ply.precision(17);
+    ply << "ply\nformat ascii 1.0\nelement vertex " << mesh.positions.size() << "\nproperty double x\nproperty double y\nproperty double z\nproperty float up_there\nproperty short none\nelement face "
+        << mesh.triangles.size() << "\nproperty list uchar int vertex_indices\nend_header\n";
+    for (const Vec3d& p : mesh.positions) ply << p.x() << ' ' << p.y() << ' ' << p.z() << ' ' << p.z() << " -7\n";
+    for (const auto& [a, b, c] : mesh.triangles) ply << "3 " << a << ' ' << b << ' ' << c << '\n';
+    ply.close();
+    for (const char* const range : {"475,495", "495,475"}) {
+        EXPECT_EQ(render({file("heights.ply"), "-o", file("elevation.png"), "--color", "elevation", "--range", range, "--colormap", "ember"}).exit_code, 0);
+        const ProgramResult result = render({file("heights.ply"), "-o", file("attribute.png"), "--color", "up there", "--range", range, "--colormap", "ember", "--reference", file("elevation.png"),
+                                             "--threshold", "3", "--stats"});  // weights of corners are floats: a step of 1024
+        EXPECT_EQ(result.exit_code, 0) << result.err;
+        EXPECT_EQ(stats_of(result)["color"], "up there");
+    }
+    EXPECT_EQ(render({file("heights.ply"), "-o", file("own.png"), "--color", "up_there"}).exit_code, 0);
+    const ProgramResult missing = render({file("heights.ply"), "-o", file("none.png"), "--color", "down"});
+    EXPECT_EQ(missing.exit_code, 2);
+    EXPECT_NE(missing.err.find("meshes have no 'down'; expected rgb, elevation, normal, plain or an attribute of vertices, which this one has these of: up_there, none"), std::string::npos) << missing.err;
+    // Beside points that have it not, they keep their own colors.
+    EXPECT_EQ(render({file("heights.ply"), village(), "-o", file("both.png"), "--color", "up_there"}).exit_code, 0);
+    const ProgramResult said = run_strata({"info", file("heights.ply")});
+    EXPECT_NE(said.out.find("up_there"), std::string::npos) << said.out;
+    const nlohmann::json report = nlohmann::json::parse(run_strata({"info", "--json", file("heights.ply")}).out);
+    ASSERT_EQ(report["attributes"].size(), 2u);
+    EXPECT_EQ(report["attributes"][1]["name"], "none");
+    EXPECT_EQ(report["attributes"][1]["min"], -7);
+    EXPECT_EQ(report["attributes"][1]["max"], -7);
+    EXPECT_EQ(report["attributes"][1]["unknown"], 0);
+}
+
 // A map of a level square: its depth, its size and its stats.
 TEST_F(RenderMesh, StatsAndDepthSayWhatIsThere) {
     TriangleMesh square;

@@ -5,10 +5,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include "core/error.h"
 #include "core/math/random.h"
+#include "render/colormap.h"
 #include "render/pass/mesh_clip.h"
 #include "render/pass/mesh_cut.h"
 #include "render/pass/mesh_kernel.h"
@@ -623,6 +625,32 @@ TEST(MeshPass, SamplesLieBesideThePixelsMiddle) {
     const GBuffer moved = drawn(mesh, from_above());
     EXPECT_EQ(gbuffer.ids, moved.ids);
     EXPECT_EQ(gbuffer.colors, moved.colors);
+}
+
+// An attribute goes through the map as it is, evenly over a triangle; a value that is unknown at a corner is unknown in the whole triangle.
+TEST(MeshColors, AttributesGoThroughTheMap) {
+    constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
+    TriangleMesh mesh = square_mesh(0.0);
+    ASSERT_EQ(mesh.positions.size(), 4u);
+    mesh.scalars = {{"other", {9, 9, 9, 9}}, {"bone_density", {10, 20, 40, kUnknown}}};
+    const MeshColors colors(mesh, "bone density", ColorRange{0, 40}, "ember");
+    EXPECT_EQ(colors.rule(), MeshColors::Rule::ramp);
+    EXPECT_EQ(colors.name(), "bone density");
+    const Colormap map("ember");
+    mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+    const auto light = [&](uint32_t triangle, const Vec3f& weights) { return colors.light(mesh, triangle, weights, 123.0, Vec3f::UnitZ()); };
+    EXPECT_EQ(light(0, {1, 0, 0}), linear_light(map.color(0.25)));
+    EXPECT_EQ(light(0, {0, 0, 1}), linear_light(map.color(1.0)));
+    EXPECT_EQ(light(0, {0.25f, 0.5f, 0.25f}), linear_light(map.color(22.5 / 40)));
+    EXPECT_EQ(light(1, {1, 0, 0}), linear_light(make_rgba(128, 128, 128)));
+    // Without a range that of what is known: 10 to 40.
+    const MeshColors own(mesh, "bone_density", std::nullopt, "ember");
+    EXPECT_EQ(own.light(mesh, 0, {1, 0, 0}, 0.0, Vec3f::UnitZ()), linear_light(map.color(0.0)));
+    // The greater one may come first, and a single value is in the middle.
+    EXPECT_EQ(MeshColors(mesh, "bone_density", ColorRange{40, 10}, "ember").light(mesh, 0, {1, 0, 0}, 0.0, Vec3f::UnitZ()), linear_light(map.color(1.0)));
+    EXPECT_EQ(MeshColors(mesh, "other", std::nullopt, "ember").light(mesh, 0, {1, 0, 0}, 0.0, Vec3f::UnitZ()), linear_light(map.color(0.5)));
+    mesh.scalars = {{"none", std::vector<float>(4, kUnknown)}};
+    EXPECT_EQ(MeshColors(mesh, "none", std::nullopt, {}).light(mesh, 0, {1, 0, 0}, 0.0, Vec3f::UnitZ()), linear_light(make_rgba(128, 128, 128)));
 }
 
 TEST(MeshColors, WhatAMeshDoesNotHaveIsRefused) {
