@@ -55,7 +55,7 @@ std::string readable_names() {
     for (const Format& format : kFormats) {
         if (format.kind == FormatKind::not_readable) continue;
         if (!names.empty()) names += ", ";
-        names += std::string(format.name) + " (" + std::string(format.description) + ")";
+        names += format.name;
     }
     return names;
 }

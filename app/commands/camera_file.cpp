@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "core/error.h"
 #include "io/byte_source.h"
@@ -65,6 +66,18 @@ CameraSpec read_camera_file(const std::string& path) {
     } catch (const Error& error) {
         throw error.within(path);
     }
+}
+
+Camera camera_of(const CameraSpec& spec) {
+    Camera camera;
+    camera.eye = spec.eye;
+    camera.view_from_world = look_along(spec.target - spec.eye, spec.up);
+    camera.fov_rad = spec.fov_deg * std::numbers::pi / 180.0;
+    if (spec.ortho_height) {
+        camera.projection = Projection::orthographic;
+        camera.height = *spec.ortho_height;
+    }
+    return camera;
 }
 
 }  // namespace strata

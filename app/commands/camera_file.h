@@ -4,6 +4,7 @@
 #include <string>
 #include <string_view>
 
+#include "core/math/camera.h"
 #include "core/math/vec.h"
 
 namespace strata {
@@ -23,5 +24,8 @@ CameraSpec parse_camera(std::string_view json);
 
 /// throws  as parse_camera, naming the file; Error{not_found, io}; Error{limit} when it is far too large for a camera
 CameraSpec read_camera_file(const std::string& path);
+
+/// Its near and far planes are still to be set.
+Camera camera_of(const CameraSpec& spec);
 
 }  // namespace strata

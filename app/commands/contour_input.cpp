@@ -49,14 +49,14 @@ void ContourInput::say_what_was_found(const ContourReport& found, double least, 
     least_ = least;
     greatest_ = greatest;
     if (found.nan_samples > 0) notes.push_back(std::to_string(found.nan_samples) + " samples are not a number, and taken for outside");
-    if (found.triangles > 0) return;
     if (!(found.least <= found.greatest)) {
         notes.emplace_back("no sample has a value: the surface is empty");
         return;
     }
-    std::string isovalues;
-    for (const double isovalue : settings_.isovalues) isovalues += (isovalues.empty() ? "" : ", ") + value_text(isovalue);
-    notes.push_back("no surface at isovalue " + isovalues + ": values are from " + values_text(least, greatest) + ", and the mesh is empty");
+    std::string missed;
+    for (const double isovalue : settings_.isovalues)
+        if (found.triangles == 0 || isovalue < least || isovalue > greatest) missed += (missed.empty() ? "" : ", ") + value_text(isovalue);
+    if (!missed.empty()) notes.push_back("no surface at isovalue " + missed + ": values are from " + values_text(least, greatest) + (found.triangles == 0 ? ", and the mesh is empty" : ""));
 }
 
 }  // namespace strata

@@ -46,7 +46,7 @@ ordered_json mesh_report(const std::string& path, const Format& format, bool exa
         if (needed > memory_bytes)
             throw Error(ErrorKind::limit, path + ": its surface needs about " + std::to_string(needed) + " bytes of memory to be measured, " + std::to_string(memory_bytes) + " are allowed");
         const SurfaceReport surface = measure_surface(mesh);
-        add_surface(surface, surface.is_closed(), report);
+        add_surface(surface, surface.triangles > 0 && surface.is_closed(), report);
     }
     if (!said.notes.empty()) report["notes"] = said.notes;
     return report;

@@ -199,7 +199,7 @@ void voxel_rows(const ordered_json& report, Block& block) {
 
 // What the surface of a mesh is like.
 void surface_rows(const ordered_json& report, Block& block) {
-    if (!report.contains("euler_characteristic")) return;
+    if (!report.contains("euler_characteristic") || report["triangles"] == 0) return;
     const auto count = [&](const char* key) { return report[key].get<uint64_t>(); };
     block.row("surface", with_commas(count("components")) + (count("components") == 1 ? " component" : " components") + ", Euler characteristic " + number_text(report["euler_characteristic"]));
     std::string edges = count("boundary_edges") == 0 ? "closed" : with_commas(count("boundary_edges")) + " boundary edges";

@@ -7,11 +7,13 @@
 
 namespace strata {
 
-std::vector<double> parse_list(std::string_view flag, const std::string& text) {
+std::vector<double> parse_isovalues(const std::string& text) {
     std::vector<double> values;
     for (size_t begin = 0; begin <= text.size();) {
         const size_t end = std::min(text.find(',', begin), text.size());
-        values.push_back(parse_number(flag, text.substr(begin, end - begin)));
+        const double value = parse_number("--iso", text.substr(begin, end - begin));
+        if (std::find(values.begin(), values.end(), value) != values.end()) throw Error(ErrorKind::usage, "--iso: " + value_text(value) + " is there twice");
+        values.push_back(value);
         begin = end + 1;
     }
     return values;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "app/options.h"
@@ -9,9 +8,9 @@
 
 namespace strata {
 
-/// Numbers of a list "1,2.5".
-/// throws  Error{usage}, naming the flag
-std::vector<double> parse_list(std::string_view flag, const std::string& text);
+/// The isovalues of --iso "1,2.5".
+/// throws  Error{usage}: other words, or a number twice
+std::vector<double> parse_isovalues(const std::string& text);
 
 /// The row of an isovalue that is needed for an input: says which values there are. least > greatest: none
 Error isovalue_expected(const std::string& what, double least, double greatest);

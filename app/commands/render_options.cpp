@@ -277,18 +277,6 @@ void fit_size(Camera& camera, const Box3d& stated, std::span<const Vec3d> points
     camera.eye += camera.view_from_world.transpose() * middle;
 }
 
-Camera camera_of(const CameraSpec& spec) {
-    Camera camera;
-    camera.eye = spec.eye;
-    camera.view_from_world = look_along(spec.target - spec.eye, spec.up);
-    camera.fov_rad = spec.fov_deg * std::numbers::pi / 180.0;
-    if (spec.ortho_height) {
-        camera.projection = Projection::orthographic;
-        camera.height = *spec.ortho_height;
-    }
-    return camera;
-}
-
 VoxelShading parse_voxels(const Options& options) {
     const std::string name = options.text("--voxels");
     if (name == "flat") return VoxelShading::flat;

@@ -101,7 +101,7 @@ OpenedMesh open_mesh(const Options& options, const std::string& path, uint64_t m
 }
 
 OpenedField open_field(const Options& options, const std::string& path, uint64_t memory_bytes) {
-    const std::vector<double> isovalues = options.given("--iso") ? parse_list("--iso", options.text("--iso")) : std::vector<double>();
+    const std::vector<double> isovalues = options.given("--iso") ? parse_isovalues(options.text("--iso")) : std::vector<double>();
     OpenedField opened = {path, nullptr, {}};
     ContourInside inside = ContourInside::above;
     try {

@@ -7,10 +7,12 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "app/commands/camera_file.h"
 #include "app/commands/commands.h"
 #include "app/commands/info_json.h"
 #include "app/commands/spared_inputs.h"
 #include "app/commands/isovalues.h"
+#include "app/commands/render_options.h"
 #include "app/commands/surface_input.h"
 #include "app/peak_memory.h"
 #include "app/printable_text.h"
@@ -34,7 +36,9 @@ constexpr OptionRow kRows[] = {
     {"--normals", "-n", "", "", "normals of vertices, from the gradient of the values; of cubes those of faces, which then share vertices only where they look the same way"},
     {"--voxel-size", "-s", "UNITS", "", "side of the voxels to make of points or a mesh, CRS units; of a .svo file the coarsest cells that are no larger"},
     {"--radius", "", "UNITS", "", "of points: the surface around balls of this radius, closed whatever the points are; samples lie --voxel-size apart, half the radius if not given"},
-    {"--error", "-e", "VOXELS", "", "of a .svo file: the coarsest cells whose cubes lie within so many voxels of the finest"},
+    {"--error", "-e", "VOXELS|PXpx", "", "of a .svo file: the coarsest cells whose cubes lie within so many voxels of the finest, or, such as 1.5px, pixels of a picture: of --camera, else what render --view iso shows"},
+    {"--camera", "", "FILE.json", "", "of --error in pixels: the camera, as render has it"},
+    {"--size", "", "WIDTHxHEIGHT", "1920x1080", "of --error in pixels: of the picture"},
     {"--quads", "", "", "", "of cubes: each rectangle with four corners of its own, not cut where others meet it; pixels between rectangles may stay open"},
     {"--transparent", "", "LIST", "", "of cubes: colors that can be seen through, as RRGGBB:OPACITY with commas, opacity 0 to 254; what lies behind them keeps its faces"},
     {"--attributes", "", "LIST", "", "values for the vertices, with commas, at most 16: of points names of attributes. .ply and .glb keep them, and render --color shows those of a .ply"},
@@ -121,6 +125,20 @@ std::vector<std::string> parse_attributes(const std::string& text) {
     return names;
 }
 
+CellError parse_error(const Options& options) {
+    std::string text = options.text("--error");
+    CellError error = {.in_pixels = text.ends_with("px")};
+    if (error.in_pixels) text.resize(text.size() - 2);
+    error.most = parse_number("--error", text);
+    if (error.most < 0.0) throw Error(ErrorKind::usage, "--error: expected a number of voxels or, with px, of pixels, 0 or more, got '" + options.text("--error") + "'");
+    if (!error.in_pixels)
+        for (const char* const flag : {"--camera", "--size"})
+            if (options.given(flag)) throw Error(ErrorKind::usage, std::string(flag) + " is for --error in pixels, such as --error " + text + "px");
+    if (options.given("--camera")) error.camera = camera_of(read_camera_file(options.text("--camera")));
+    std::tie(error.width_px, error.height_px) = parse_size(options.text("--size"));
+    return error;
+}
+
 double positive(const Options& options, const char* flag) {
     const double value = options.number(flag);
     if (!(value > 0.0)) throw Error(ErrorKind::usage, std::string(flag) + ": expected a positive number, got '" + options.text(flag) + "'");
@@ -138,7 +156,7 @@ SurfaceRequest request_of(const Options& options, const std::string& folder) {
     request.quads = options.given("--quads");
     if (options.given("--attributes")) request.attributes = parse_attributes(options.text("--attributes"));
     if (options.given("--transparent")) request.transparent = parse_transparent(options.text("--transparent"));
-    if (options.given("--iso")) request.isovalues = parse_list("--iso", options.text("--iso"));
+    if (options.given("--iso")) request.isovalues = parse_isovalues(options.text("--iso"));
     if (options.given("--method")) {
         const std::string method = options.text("--method");
         if (method != "marching-cubes" && method != "cubes") throw Error(ErrorKind::usage, "--method: expected marching-cubes or cubes, got '" + method + "'");
@@ -151,10 +169,9 @@ SurfaceRequest request_of(const Options& options, const std::string& folder) {
     }
     if (options.given("--voxel-size")) request.voxel_size = positive(options, "--voxel-size");
     if (options.given("--radius")) request.radius = positive(options, "--radius");
-    if (options.given("--error")) {
-        request.error = options.number("--error");
-        if (*request.error < 0.0) throw Error(ErrorKind::usage, "--error: expected a number of voxels, 0 or more, got '" + options.text("--error") + "'");
-    }
+    if (options.given("--error")) request.error = parse_error(options);
+    else for (const char* const flag : {"--camera", "--size"})
+        if (options.given(flag)) throw Error(ErrorKind::usage, std::string(flag) + " is for --error in pixels, such as --error 1px");
     return request;
 }
 
@@ -166,7 +183,7 @@ struct Written {
 
 // Voxels enclose what they fill, although where their materials meet each has vertices of its own. What can be seen through is open there.
 bool has_volume(const SurfaceReport& surface, SurfaceMethod method, const SurfaceRequest& request) {
-    return surface.is_closed() || (method == SurfaceMethod::cubes && request.transparent.empty());
+    return surface.triangles + surface.quads > 0 && (surface.is_closed() || (method == SurfaceMethod::cubes && request.transparent.empty()));
 }
 
 nlohmann::ordered_json report_json(const std::string& path, const Written& written, const SurfaceInput& input, const SurfaceRequest& request) {
@@ -220,6 +237,7 @@ int run(const Options& options) {
     Written written = {.surface = measured.report(), .bytes = writer->commit(durability)};
     progress.clear();
     written.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    if (!writer->keeps_quads()) written.surface.triangles += 2 * std::exchange(written.surface.quads, 0);
     for (const std::string& note : writer->notes()) input->notes.push_back(note);
     for (const std::string& note : input->notes)
         if (!quiet) std::fprintf(stderr, "note: %s\n", printable(note).c_str());

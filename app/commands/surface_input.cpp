@@ -20,6 +20,15 @@ void refuse_close(const SurfaceRequest& request) {
     if (request.close) throw Error(ErrorKind::usage, "--close is for volumes; this surface meets no boundary");
 }
 
+FormatKind kind_of(const std::string& path) {
+    try {
+        return identify_format(path).kind;
+    } catch (const Error& error) {
+        if (error.kind != ErrorKind::unsupported) throw;
+        throw Error(error.kind, error.what() + std::string("; if it is samples alone, --dimensions XxYxZ says how they lie"));
+    }
+}
+
 }  // namespace
 
 std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> words, const SurfaceRequest& request) {
@@ -33,7 +42,7 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
     const bool cubes = request.method == SurfaceMethod::cubes;
     for (const std::string& word : words) {
         if (std::filesystem::is_directory(word)) continue;
-        const FormatKind kind = identify_format(word).kind;
+        const FormatKind kind = kind_of(word);
         if (words.size() > 1 && kind != FormatKind::points && kind != FormatKind::layered)
             throw Error(ErrorKind::usage, word + ": one volume, grid, mesh or voxel file at a time is expected; only points may come in several files");
         const char* const without_points = kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : kind == FormatKind::volume || kind == FormatKind::grids ? "values on a grid" : nullptr;

@@ -11,6 +11,7 @@
 
 #include "app/progress.h"
 #include "core/math/box.h"
+#include "core/math/camera.h"
 #include "core/octree/scratch_store.h"
 #include "core/surface/contour.h"
 #include "core/surface/surface_sink.h"
@@ -21,13 +22,22 @@ namespace strata {
 
 enum class SurfaceMethod { marching_cubes, cubes };
 
+/// How far cubes of coarser cells may lie from the voxels.
+struct CellError {
+    bool in_pixels = false;
+    double most = 0.0;             // voxels, or pixels
+    std::optional<Camera> camera;  // of pixels; none: that which render has for all of it
+    uint32_t width_px = 0, height_px = 0;
+};
+
 /// What the words of `strata surface` say of any input.
 struct SurfaceRequest {
     std::optional<SurfaceMethod> method;       // none: what suits the input
     std::vector<double> isovalues;             // empty: what suits the input
     std::optional<ContourInside> inside;       // likewise
     bool close = false, normals = false;
-    std::optional<double> voxel_size, error;   // of cells of voxels: world units; in voxels
+    std::optional<double> voxel_size;          // of cells of voxels; world units
+    std::optional<CellError> error;            // likewise
     std::optional<double> radius;              // of balls around points; world units
     bool quads = false;                        // of cubes: rectangles as they are
     std::vector<std::pair<VoxelColor, uint8_t>> transparent;  // of cubes: colors that can be seen through, and their opacities

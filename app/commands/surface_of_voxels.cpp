@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "app/commands/contour_input.h"
 #include "app/commands/isovalues.h"
@@ -14,6 +15,7 @@
 #include "core/voxel/voxel_bounds.h"
 #include "core/voxel/voxel_tree_builder.h"
 #include "io/svo/svo_file.h"
+#include "render/named_view.h"
 
 namespace strata {
 namespace {
@@ -37,6 +39,19 @@ struct SurfaceVoxels {
 // A size that was computed, or typed with a few digits, is as large as another all the same.
 bool is_larger(double size, double other) { return size > other * (1.0 + 1e-9); }
 
+int depth_of(const CellError& error, const VoxelTree& tree) {
+    if (!error.in_pixels) return depth_of_error(tree, error.most);
+    Camera camera;
+    if (error.camera) {
+        camera = *error.camera;
+    } else {
+        Scene scene;
+        scene.voxels.emplace_back(tree, VoxelColors(tree, "plain", std::nullopt, ""));
+        camera = named_view("iso", Projection::perspective, 0.25 * std::numbers::pi, sample_positions(scene), double(error.width_px) / error.height_px);
+    }
+    return depth_of_error_px(tree, camera, error.width_px, error.height_px, error.most);
+}
+
 // method  that of cubes needs no finer cells than it takes, the other counts voxels in them
 SurfaceVoxels load_voxels(const std::string& path, SurfaceMethod method, const SurfaceRequest& request) {
     if (!request.grid.empty()) throw Error(ErrorKind::usage, "--grid: " + path + " is no .vdb file");
@@ -56,7 +71,7 @@ SurfaceVoxels load_voxels(const std::string& path, SurfaceMethod method, const S
     voxels.depth = std::max(voxels.tree.depth(), 1);
     if (request.voxel_size)
         while (voxels.depth > 1 && !is_larger(voxels.cell_size(voxels.depth - 1), *request.voxel_size)) --voxels.depth;
-    if (request.error && !voxels.tree.empty()) voxels.depth = depth_of_error(voxels.tree, *request.error);
+    if (request.error && !voxels.tree.empty()) voxels.depth = depth_of(*request.error, voxels.tree);
     return voxels;
 }
 

@@ -12,15 +12,18 @@
 
 #include "core/error.h"
 #include "core/idle_pool.h"
+#include "core/math/frustum.h"
 #include "core/octree/node_selection.h"
 #include "core/parallel.h"
 #include "core/surface/cube_faces.h"
 #include "core/surface/cube_mesh.h"
 #include "core/surface/tree_bricks.h"
+#include "core/voxel/voxel_bounds.h"
 
 namespace strata {
 namespace {
 
+constexpr size_t kPartsInView = 4096;  // whose depths decide how near voxels are seen
 constexpr size_t kBricksAThread = 4;  // that may wait for their turn
 constexpr uint64_t kTreeBrickBytes = 20;  // of TreeBricks
 
@@ -341,10 +344,17 @@ int depth_of_error(const VoxelTree& tree, double error_voxels) {
     return depth;
 }
 
-int depth_of_error_px(const VoxelTree& tree, const Box3d& bounds, const Camera& camera, uint32_t width_px, uint32_t height_px,
-                      double error_px) {
+int depth_of_error_px(const VoxelTree& tree, const Camera& camera, uint32_t width_px, uint32_t height_px, double error_px) {
     const double aspect = double(width_px) / double(height_px);
-    const double units_per_pixel = 1.0 / pixels_per_unit(camera, least_depth(camera, aspect, bounds), height_px);
+    const Frustum frustum(camera, aspect);
+    double least = std::numeric_limits<double>::infinity();
+    const CellList cells = coarse_cells(tree, kPartsInView);
+    for (const auto& cell : cells.cells) {
+        const Box3d box = cell_box(tree.frame, cells.depth, cell);
+        if (frustum.intersects(box)) least = std::min(least, least_depth(camera, aspect, box));
+    }
+    if (std::isinf(least)) return 1;
+    const double units_per_pixel = 1.0 / pixels_per_unit(camera, least, height_px);
     const double cell = tree.frame.voxel_size * std::ldexp(1.0, tree.frame.depth() - tree.depth());
     return depth_of_error(tree, error_px * units_per_pixel / cell);
 }

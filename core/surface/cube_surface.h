@@ -55,9 +55,8 @@ CubeSurfaceCounts mesh_cubes(const VoxelTree& tree, const CubeSurfaceSettings& s
 /// error_voxels  in voxels of the tree's finest depth
 int depth_of_error(const VoxelTree& tree, double error_voxels);
 
-/// The same for an error in pixels of a picture: by the least eye depth at which the box of the tree's frame, or a smaller one, is seen.
-/// bounds  world: of what is occupied
-int depth_of_error_px(const VoxelTree& tree, const Box3d& bounds, const Camera& camera, uint32_t width_px, uint32_t height_px,
-                      double error_px);
+/// The same for an error in pixels of a picture, by the nearest of what it shows; 1 where it shows nothing. Near is so exact as the finest
+/// depth of at most 4,096 cells is.
+int depth_of_error_px(const VoxelTree& tree, const Camera& camera, uint32_t width_px, uint32_t height_px, double error_px);
 
 }  // namespace strata

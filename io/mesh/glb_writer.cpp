@@ -82,6 +82,7 @@ public:
             throw Error(ErrorKind::limit, file_.path() + ": a GLB file holds at most 4 GiB; .ply and .obj have no such limit");
     }
 
+    bool keeps_quads() const override { return false; }
     uint64_t commit(Durability durability) override {
         const std::string json = document().dump();
         assert(json.size() <= json_bytes_);

@@ -31,6 +31,7 @@ public:
         }
     }
 
+    bool keeps_quads() const override { return false; }
     uint64_t commit(Durability durability) override {
         bytes_.flush();
         const auto count = uint32_t(count_);

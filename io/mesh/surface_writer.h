@@ -32,6 +32,8 @@ public:
     /// Gives the file its name. Once.
     /// returns  its bytes
     virtual uint64_t commit(Durability durability) = 0;
+    /// Else they become two triangles each.
+    virtual bool keeps_quads() const { return true; }
     /// What the format cannot hold as it was; a line each. After the last piece.
     virtual std::vector<std::string> notes() const { return {}; }
 };

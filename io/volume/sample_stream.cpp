@@ -44,11 +44,14 @@ public:
         seek_samples(stream_, header);
         stream_.skip(header.bytes_before);
         if (bytes > stream_.left()) stream_.fail_at_byte(size_text(header) + "; " + std::to_string(stream_.left()) + " are left");
+        bytes_behind_ = stream_.left() - bytes;
     }
     void read(std::span<std::byte> out) override { stream_.read(out); }
+    uint64_t bytes_behind() const override { return bytes_behind_; }
 
 private:
     ByteStream stream_;
+    uint64_t bytes_behind_ = 0;
 };
 
 class DeflatedSamples : public SampleStream {

@@ -16,6 +16,8 @@ public:
     /// The next samples, whole ones. Raw and deflated ones are in the order of bytes of the file, text in that of this machine.
     /// throws  Error{malformed, io}, naming the place
     virtual void read(std::span<std::byte> out) = 0;
+    /// Bytes of the file behind the last sample, where that is known beforehand.
+    virtual uint64_t bytes_behind() const { return 0; }
     /// After the last sample: checks what can be checked of the rest.
     virtual void finish() {}
 };

@@ -43,6 +43,7 @@ struct VolumeHeader {
     uint64_t offset = 0;                       // there, of the samples
     uint64_t lines_before = 0;                 // lines to step over, from `offset`
     uint64_t bytes_before = 0;                 // then, after decompression, bytes to step over
+    bool more_follows = false;                 // behind the samples there may be others
     bool is_at_end = false;                    // the samples are the last bytes of the file; `offset` says nothing
     std::optional<uint64_t> stored_bytes;      // of deflated samples, where the header says so
     std::vector<std::string> notes;            // what is odd, a line each

@@ -99,7 +99,10 @@ VolumeHeader read_header(ByteStream& stream) {
 }  // namespace
 
 VolumeSource::VolumeSource(std::unique_ptr<ByteSource> samples, VolumeHeader header)
-    : bytes_(std::move(samples)), header_(std::move(header)), samples_(open_samples(*bytes_, header_)), buffer_(kBuffer) {}
+    : bytes_(std::move(samples)), header_(std::move(header)), samples_(open_samples(*bytes_, header_)), buffer_(kBuffer) {
+    const uint64_t behind = samples_->bytes_behind();
+    if (behind > 0 && !header_.more_follows) header_.notes.push_back(bytes_->name() + ": " + std::to_string(behind) + " bytes behind the last sample are left out; are size and type right?");
+}
 
 void VolumeSource::restart() {
     if (next_ == 0) return;
@@ -175,6 +178,8 @@ std::unique_ptr<VolumeSource> open_raw_volume(std::unique_ptr<ByteSource> source
     header.placement.origin = layout.origin;
     header.placement.axes = layout.spacing.asDiagonal();
     check_placement(header.placement, header.size, source->name());
+    if (header.is_at_end && source->size() > header.sample_bytes())
+        header.notes.push_back("the first " + std::to_string(source->size() - header.sample_bytes()) + " bytes are taken for a header");
     return std::make_unique<VolumeSource>(std::move(source), std::move(header));
 }
 

@@ -33,6 +33,7 @@ public:
         std::string_view line;
         if (!stream_.next_line(line) || !looks_like_vtk(line)) stream_.fail_at_line("'# vtk DataFile Version' is expected");
         header_.format = "VTK, legacy";
+        header_.more_follows = true;
         if (!stream_.next_line(line)) stream_.fail_at_line("a title is expected");
         read_encoding();
         expect("dataset");

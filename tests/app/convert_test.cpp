@@ -380,7 +380,7 @@ TEST_F(Convert, InputsThatAreNoScansAreToldApart) {
     std::ofstream(folder_.file("scan.laz"), std::ios::binary) << bytes;
     expect_refused(run_strata({"convert", folder_.file("scan.laz"), out_}), 1, "record 'laszip encoded' is missing");
     std::ofstream(folder_.file("notes.txt")) << "some words";
-    expect_refused(run_strata({"convert", folder_.file("notes.txt"), out_}), 1, "not a format that strata knows; this version reads las (");
+    expect_refused(run_strata({"convert", folder_.file("notes.txt"), out_}), 1, "not a format that strata knows; this version reads las, laz, ");
     expect_refused(run_strata({"convert", folder_.file("missing.las"), out_}), 1, "missing.las: No such file");
     std::ofstream(folder_.file("empty.las"));
     expect_refused(run_strata({"convert", folder_.file("empty.las"), out_}), 1, "an empty file");

@@ -147,7 +147,11 @@ TEST_F(Surface, AnEmptySurfaceIsNoFailure) {
     EXPECT_EQ(result.exit_code, 0);
     EXPECT_NE(result.err.find("note: no surface at isovalue 500: values are from -10."), std::string::npos) << result.err;
     EXPECT_NE(result.err.find(" to 7.25, and the mesh is empty"), std::string::npos) << result.err;
-    EXPECT_EQ(info(file("none.ply"))["triangles"], 0);
+    const json none = info(file("none.ply"));
+    EXPECT_EQ(none["triangles"], 0);
+    EXPECT_TRUE(none["volume"].is_null()) << "it encloses nothing";
+    // Of several isovalues those without a surface are named.
+    EXPECT_EQ(surface({in, "-o", file("one.ply"), "--iso", "0,500,-600"})["notes"][0].get<std::string>().find("no surface at isovalue 500, -600: values are from -10."), 0);
     write_bytes(file("nan.nrrd"), volume_of([](const Vec3d&) { return std::nan(""); }));
     for (const char* const ending : {"ply", "obj", "stl", "glb"}) {
         const json report = surface({file("nan.nrrd"), "-o", file(std::string("nan.") + ending), "--iso", "0"});
@@ -251,6 +255,18 @@ TEST_F(CubesOfASphere, OfCoarserCellsBySizeAndByError) {
     }
     EXPECT_EQ(surface({file("a.svo"), "-o", file("c.ply"), "--overwrite", "--error", "2"})["cell_size"], 2);    // sqrt(3)
     EXPECT_EQ(surface({file("a.svo"), "-o", file("c.ply"), "--overwrite", "--error", "1.7"})["cell_size"], 1);
+
+    // A parallel view of 100 units: of as many pixels a pixel is a voxel, of twice as many it is half of one.
+    write_bytes(file("camera.json"), R"({"eye": [100, 0, 0], "target": [0, 0, 0], "ortho_height": 100})");
+    const auto cell_in_picture = [&](const char* error, const char* size) {
+        return surface({file("a.svo"), "-o", file("c.ply"), "--overwrite", "--error", error, "--camera", file("camera.json"), "--size", size})["cell_size"];
+    };
+    EXPECT_EQ(cell_in_picture("2px", "100x100"), 2);
+    EXPECT_EQ(cell_in_picture("2px", "200x200"), 1);
+    EXPECT_EQ(cell_in_picture("4px", "200x200"), 2);
+    // What render shows without a camera: the ball, 33 units wide, about as high as the picture.
+    EXPECT_EQ(surface({file("a.svo"), "-o", file("c.ply"), "--overwrite", "--error", "30px"})["cell_size"], 1);
+    EXPECT_EQ(surface({file("a.svo"), "-o", file("c.ply"), "--overwrite", "--error", "30px", "--size", "480x270"})["cell_size"], 2);
 }
 
 // The share of cells that is occupied crosses 1/2 near the sphere that the voxels fill: of cells of 4 voxels within a cell or so, and it is smooth.
@@ -295,6 +311,11 @@ TEST_F(Surface, AWrongCommandLineIsExitCode2) {
         {{in, "-o", out, "--iso", "1,"}, "--iso"},
         {{in, "-o", out, "--iso", "x"}, "--iso"},
         {{in, "-o", out, "--iso", "nan"}, "--iso"},
+        {{in, "-o", out, "--iso", "1,2,1"}, "--iso: 1 is there twice"},
+        {{in, "-o", out, "--iso", "0", "--error", "-1px"}, "--error: expected a number of voxels or, with px, of pixels"},
+        {{in, "-o", out, "--iso", "0", "--error", "px"}, "--error: expected a number"},
+        {{in, "-o", out, "--iso", "0", "--error", "1", "--size", "10x10"}, "--size is for --error in pixels, such as --error 1px"},
+        {{in, "-o", out, "--iso", "0", "--camera", "x.json"}, "--camera is for --error in pixels"},
         {{in, "-o", out, "--iso", "0", "--method", "dual"}, "--method: expected marching-cubes or cubes"},
         {{in, "-o", out, "--iso", "0", "--inside", "left"}, "--inside: expected above or below"},
         {{in, "-o", out, "--iso", "0", "--method", "cubes"}, "--method cubes is for voxels"},
@@ -340,6 +361,10 @@ TEST_F(Surface, WhatFailsLeavesNothingHalfWritten) {
     };
     write_bytes(file("short.nrrd"), whole.substr(0, whole.size() - 1));
     expect_refusal({file("short.nrrd"), "-o", out, "--iso", "0"}, "short.nrrd: byte ");
+    write_bytes(file("unknown.bin"), "values");
+    expect_refusal({file("unknown.bin"), "-o", out, "--iso", "0"}, "not a format that strata knows; this version reads las, laz, ");
+    expect_refusal({file("unknown.bin"), "-o", out, "--iso", "0"}, "if it is samples alone, --dimensions XxYxZ says how they lie");
+    std::filesystem::remove(file("unknown.bin"));
     const std::string spacing_line = "spacings: 0.5 0.5 0.5";
     for (const char* const spacing : {"0.5 0 0.5", "0.5 0.5 -0.5"}) {
         std::string lying = whole;

@@ -93,6 +93,9 @@ TEST_F(SurfaceOfVoxels, RectanglesAsTheyAreAndNormals) {
     EXPECT_EQ(quads["triangles"], 0);
     EXPECT_EQ(quads["vertices"].get<uint64_t>(), 4 * closed["rectangles"].get<uint64_t>());
     EXPECT_NEAR(quads["volume"].get<double>(), closed["volume"].get<double>(), 1e-6);
+    const json halves = surface({in, "-o", file("b.stl"), "--quads"});
+    EXPECT_EQ(halves["quads"], 0) << "STL has triangles only";
+    EXPECT_EQ(halves["triangles"].get<uint64_t>(), 2 * closed["rectangles"].get<uint64_t>());
     for (const char* const way : {"--normals", "--quads"}) {
         surface({in, "-o", file("c.ply"), "--normals", way});
         const TriangleMesh mesh = read_mesh(file("c.ply"));

@@ -368,14 +368,15 @@ TEST(CubeSurface, DepthFollowsFromTheError) {
     EXPECT_EQ(depth_of_error(tree, 1e9), 1);
     // A picture of 100 pixels for 100 units of height: errors are in voxels.
     Camera camera{.projection = Projection::orthographic, .eye = Vec3d(32, 32, 200), .height = 100.0, .near_depth = 1.0};
-    const Box3d box(Vec3d::Zero(), Vec3d::Constant(64.0));
-    EXPECT_EQ(depth_of_error_px(tree, box, camera, 100, 100, 1.74), 5);
-    EXPECT_EQ(depth_of_error_px(tree, box, camera, 200, 200, 1.74), 6);
+    EXPECT_EQ(depth_of_error_px(tree, camera, 100, 100, 1.74), 5);
+    EXPECT_EQ(depth_of_error_px(tree, camera, 200, 200, 1.74), 6);
     // In perspective the nearest place of the box counts, here 136 units from the eye.
     camera.projection = Projection::perspective;
     camera.fov_rad = 2.0 * std::atan(0.5);
-    EXPECT_EQ(depth_of_error_px(tree, box, camera, 136, 136, 1.74), 5);
-    EXPECT_EQ(depth_of_error_px(tree, box, camera, 137, 137, 1.733), 6);
+    EXPECT_EQ(depth_of_error_px(tree, camera, 136, 136, 1.74), 5);
+    EXPECT_EQ(depth_of_error_px(tree, camera, 137, 137, 1.733), 6);
+    camera.eye = Vec3d(500, 32, 200);
+    EXPECT_EQ(depth_of_error_px(tree, camera, 100, 100, 0.001), 1) << "nothing is seen";
 }
 
 }  // namespace

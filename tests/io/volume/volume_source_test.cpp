@@ -182,7 +182,10 @@ TEST(VolumeSource, FewerOrMoreDimensionsAreAcceptedWhereValuesAreSingle) {
 TEST(VolumeSource, SkipsWhatItsHeaderSays) {
     const std::vector<float> eight(kEight.begin(), kEight.end());
     const std::string meta = std::string(kMeta) + "HeaderSize = ";
-    EXPECT_EQ(values_of(*volume_of(meta + "5\nElementDataFile = x\n", {"x", "12345" + kEight + "more"})), eight);
+    const auto with_more = volume_of(meta + "5\nElementDataFile = x\n", {"x", "12345" + kEight + "more"});
+    EXPECT_EQ(values_of(*with_more), eight);
+    EXPECT_EQ(with_more->header().notes, (std::vector<std::string>{"x: 4 bytes behind the last sample are left out; are size and type right?"}));
+    EXPECT_TRUE(volume_of(meta + "5\nElementDataFile = x\n", {"x", "12345" + kEight})->header().notes.empty());
     EXPECT_EQ(values_of(*volume_of(meta + "-1\nElementDataFile = x\n", {"x", "any header" + kEight})), eight);
     EXPECT_EQ(values_of(*volume_of(meta + "-1\nElementDataFile = LOCAL\n" + "padding" + kEight)), eight);
     const std::string packed_samples = deflated(kEight, 15);
@@ -201,6 +204,7 @@ TEST(VolumeSource, RawSamplesNeedALayout) {
     const auto opened = [&](const RawVolumeLayout& layout) { return open_raw_volume(memory_source("x.raw", test::bytes_of(bytes)), layout); };
     const RawVolumeLayout layout = {.size = {2, 1, 2}, .type = SampleType::int16, .is_big_endian = true, .spacing = {2, 3, 4}, .origin = {1, 1, 1}};
     EXPECT_EQ(values_of(*opened(layout)), (std::vector<float>{1, -2, 3, 4})) << "at the end of the file";
+    EXPECT_EQ(opened(layout)->header().notes, (std::vector<std::string>{"the first 6 bytes are taken for a header"}));
     RawVolumeLayout behind = layout;
     behind.offset = 6;
     EXPECT_EQ(values_of(*opened(behind)), (std::vector<float>{1, -2, 3, 4}));
