@@ -225,10 +225,11 @@ int run(const Options& options) {
     ProgressLine progress(quiet);
     const uint64_t memory = request.memory_bytes;
     const std::unique_ptr<ScratchStore> field_scratch = make_scratch_file(folder), place_scratch = make_scratch_file(folder);
-    request.memory_bytes = memory / 2;  // places of vertices take an eighth, what the report counts the rest
+    request.memory_bytes = memory / 2;  // an eighth is for buffers, the rest for places of vertices and what the report counts
     request.scratch = field_scratch.get();
     const std::unique_ptr<SurfaceInput> input = open_surface_input(options.positional, request);
-    MeasuredSurface measured(nullptr, place_scratch.get(), memory / 8);
+    const bool can_touch = input->method() == SurfaceMethod::cubes && !request.quads;  // itself, along edges
+    MeasuredSurface measured(nullptr, place_scratch.get(), memory / 8 * 3, can_touch);
     const std::unique_ptr<SurfaceWriter> writer = make_surface_writer(path, {.overwrite = overwrite, .normals = input->has_normals(), .colors = input->has_colors(), .scalars = input->scalar_names(), .bounds = input->bounds(),
                                                                              .edge = input->edge(), .scratch_folder = folder, .positions = &measured.positions()});
     measured.set_next(writer.get());

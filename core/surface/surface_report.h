@@ -1,13 +1,13 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
-#include <vector>
 
 #include "core/math/box.h"
 #include "core/math/vec.h"
-#include "core/surface/large_array.h"
+#include "core/surface/edge_table.h"
+#include "core/surface/paged_array.h"
 #include "core/surface/surface_sink.h"
 #include "core/surface/triangle_mesh.h"
 #include "core/surface/vertex_positions.h"
@@ -35,77 +35,33 @@ struct SurfaceReport {
     bool is_manifold() const { return open_edges == 0 && nonmanifold_edges == 0; }
 };
 
-/// How often each edge was met, and in which direction. Edges of the vertices of late are kept at the lesser one, where neighbors are near
-/// each other in memory; those of earlier ones in a hash table, but for edges with two faces that agree, which are forgotten.
-class EdgeTable {
-public:
-    /// keep_all  forget none: 32 bytes a vertex
-    explicit EdgeTable(bool keep_all) : keep_all_(keep_all) {}
-
-    /// Before the faces that use them.
-    void add_vertices(uint64_t count);
-    void add(uint32_t from, uint32_t to);
-    /// After each face.
-    void face_done() { ++faces_in_run_; }
-
-    uint64_t edges() const { return edges_; }
-    uint64_t memory_bytes() const { return late_.size() * sizeof(Star) + early_.keys.size() * sizeof early_.keys[0] + early_.states.size(); }
-    /// Adds what edges that are not forgotten are to a report.
-    void count(SurfaceReport& report) const;
-
-private:
-    static constexpr size_t kAtVertex = 6;
-    /// The edges from a vertex to greater ones; half of all, which are 6 on average, and others in the hash table.
-    struct Star {
-        std::array<uint32_t, kAtVertex> ends;
-        std::array<uint8_t, kAtVertex> states;
-        uint16_t count;
-    };
-    struct Slots {
-        std::vector<uint64_t> keys;  // lesser vertex above greater; kFree
-        std::vector<uint8_t> states;
-        size_t used = 0;
-    };
-    static size_t slot_of(const Slots& slots, uint64_t key);
-    uint8_t& state_of(uint32_t least, uint32_t greatest);
-    uint8_t& early_state_of(uint64_t key);
-    void end_run();
-    void move_to(size_t capacity, bool forget);
-
-    // Of a state: bits 0-2: times met from the lesser vertex, 3-5: from the greater; 6-7: the last run, in the hash table.
-    bool keep_all_;
-    uint32_t first_late_ = 0;     // vertex
-    uint32_t first_of_run_ = 0;   // likewise: those that came in this run
-    LargeArray<Star> late_;       // from first_late_ on
-    Slots early_;
-    uint64_t edges_ = 0;
-    uint64_t faces_in_run_ = 0;
-    uint8_t run_ = 0;  // modulo 4
-};
-
-/// Measures a surface as it grows. Takes 4.1 bytes a vertex, 32 bytes for each vertex of the last two runs, and 18 to 36 for each edge of
-/// earlier ones that is open, be it for good; 54 while their table grows. A run is some pieces of 65,536 faces or of half as many as
-/// such edges, if that is more: of a closed surface a small part, of quads that share no vertices most. Measured at 10 million
-/// vertices: 5 bytes each, and of such quads 41, with 58 at the worst moment. A third face that comes to an edge after more
-/// than a run is taken for a boundary; with keep_edges all edges are kept and none is.
+/// Measures a surface as it grows, through memory of a given size and a scratch store, whatever the order of its faces: 32 bytes for each
+/// vertex of the last two runs, 18 to 54 for each edge of earlier ones that is open, and 4 for each vertex, to know its component by. A run is
+/// some pieces of 65,536 faces or of half as many as such edges, if that is more, or fewer where memory asks for it. A third face that comes to an
+/// edge after that, which a surface by isovalues never has, is taken for a boundary; with keep_edges all edges are kept, 9 bytes each in the store, and none is.
 class SurfaceMeter {
 public:
-    explicit SurfaceMeter(bool keep_edges = false) : edges_(keep_edges) {}
+    /// scratch       for what does not fit; null: all stays in memory
+    /// memory_bytes  beside what two pieces add to EdgeTable
+    explicit SurfaceMeter(bool keep_edges = false, ScratchRoom* scratch = nullptr, uint64_t memory_bytes = 0)
+        : edges_(keep_edges, scratch, memory_bytes - memory_bytes / 4), parents_(scratch, memory_bytes / 4) {}
 
     void add_vertices(uint64_t count);
     /// corners    3 or 4 vertices that were added, counterclockwise seen from outside
     /// positions  [corners] world
     void add_face(std::span<const uint32_t> corners, std::span<const Vec3d> positions);
 
-    SurfaceReport report() const;
+    /// Of the faces up to here.
+    SurfaceReport report();
 
 private:
+    static constexpr uint32_t kUnused = 0xFFFFFFFF;
+
     uint32_t root_of(uint32_t vertex);
 
     SurfaceReport report_;  // what is counted as it comes
     EdgeTable edges_;
-    LargeArray<uint32_t> parents_;   // [vertices] towards the root of its component; of what no face has, itself
-    std::vector<bool> used_;         // [vertices]
+    PagedArray<uint32_t, 16'384> parents_;  // [vertices] towards the root of its component, the least vertex; kUnused: no face has it
     uint64_t used_vertices_ = 0;
     Vec3d reference_ = Vec3d::Zero();  // world: volumes are summed about it, so that far from 0 nothing cancels
     double six_volumes_ = 0.0;
@@ -115,17 +71,22 @@ private:
 class MeasuredSurface : public SurfaceSink {
 public:
     /// next     what gets the pieces; null: nothing does
-    /// scratch  for places of vertices; null: all in memory
-    MeasuredSurface(SurfaceSink* next, ScratchStore* scratch, uint64_t memory_bytes) : next_(next), positions_(scratch, memory_bytes) {}
+    /// scratch       for places of vertices, and what SurfaceMeter keeps; null: all in memory
+    /// memory_bytes  for both
+    /// keep_edges    as of SurfaceMeter
+    MeasuredSurface(SurfaceSink* next, ScratchStore* scratch, uint64_t memory_bytes, bool keep_edges = false);
+    MeasuredSurface(const MeasuredSurface&) = delete;
+    MeasuredSurface& operator=(const MeasuredSurface&) = delete;
 
     void set_next(SurfaceSink* next) { next_ = next; }
     VertexPositions& positions() { return positions_; }
-    SurfaceReport report() const { return meter_.report(); }
+    SurfaceReport report() { return meter_.report(); }
 
     void add(const SurfacePiece& piece) override;
 
 private:
     SurfaceSink* next_;
+    std::optional<ScratchRoom> scratch_;
     VertexPositions positions_;
     SurfaceMeter meter_;
 };

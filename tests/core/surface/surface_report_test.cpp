@@ -263,11 +263,109 @@ TEST(EdgeTable, TakesAtMostFourSlotsForAnOpenEdge) {
     }
     EXPECT_GT(most, 0.75 * 24.0);  // of a star for one or two edges
     EXPECT_LE(most, 36.0);
-    SurfaceReport report;
-    edges.count(report);
-    EXPECT_EQ(edges.edges(), 4u * kQuads);
-    EXPECT_EQ(report.boundary_edges, 4u * kQuads);
-    EXPECT_EQ(report.open_edges, 4u * kQuads);
+    const EdgeCounts counts = edges.count();
+    EXPECT_EQ(counts.edges, 4u * kQuads);
+    EXPECT_EQ(counts.boundary, 4u * kQuads);
+    EXPECT_EQ(counts.open, 4u * kQuads);
+}
+
+// A closed surface, then one with edges of one to nine faces as well, whose faces come in any order: what is put away in a little memory is
+// joined to what it is in a large one. Of the closed one no edge has a third face, so that those with two may be forgotten.
+TEST(MeasuredSurface, FacesInAnyOrderThroughLittleMemory) {
+    Random random(7);
+    for (const bool is_closed : {true, false}) {
+        TriangleMesh mesh = torus_mesh({100, 0, 0}, 4, 1, 100);
+        if (!is_closed)
+            for (int n = 0; n < 20'000; ++n) {  // many at few vertices: edges of many faces
+                const double few = n % 2 ? 12.0 : 8'000.0;
+                const auto vertex = [&] { return uint32_t(random.uniform(0.0, few)); };
+                mesh.triangles.push_back({vertex(), vertex(), vertex()});
+            }
+        for (size_t n = mesh.triangles.size(); n > 1; --n) std::swap(mesh.triangles[n - 1], mesh.triangles[size_t(random.uniform() * double(n))]);
+        for (Vec3d& p : mesh.positions) p = p.cast<float>().cast<double>();
+        const SurfaceReport whole = measure_surface(mesh);
+        EXPECT_EQ(whole.is_closed(), is_closed);
+        EXPECT_EQ(whole.nonmanifold_edges > 50, !is_closed);
+        for (const bool keep_edges : {false, true}) {
+            if (!keep_edges && !is_closed) continue;  // it may miss a third face
+            StoreInMemory scratch;
+            MeasuredSurface measured(nullptr, &scratch, 60'000, keep_edges);
+            std::vector<Vec3f> positions;
+            for (const Vec3d& p : mesh.positions) positions.push_back(p.cast<float>());
+            for (size_t first = 0; first < positions.size(); first += 1000)
+                measured.add({.positions = std::span(positions).subspan(first, std::min<size_t>(1000, positions.size() - first))});
+            for (size_t first = 0; first < mesh.triangles.size(); first += 1000) {
+                measured.add({.triangles = std::span(mesh.triangles).subspan(first, std::min<size_t>(1000, mesh.triangles.size() - first))});
+                if (first == 9'000) EXPECT_EQ(measured.report().triangles, 10'000u);  // it goes on after a report
+            }
+            EXPECT_GT(scratch.size(), 100'000u);
+            const SurfaceReport report = measured.report();
+            EXPECT_EQ(report.vertices, whole.vertices);
+            EXPECT_EQ(report.unused_vertices, whole.unused_vertices);
+            EXPECT_EQ(report.triangles, whole.triangles);
+            EXPECT_EQ(report.degenerate_faces, whole.degenerate_faces);
+            EXPECT_EQ(report.components, whole.components);
+            EXPECT_EQ(report.edges, whole.edges);
+            EXPECT_EQ(report.boundary_edges, whole.boundary_edges);
+            EXPECT_EQ(report.nonmanifold_edges, whole.nonmanifold_edges);
+            EXPECT_EQ(report.flipped_edges, whole.flipped_edges);
+            EXPECT_EQ(report.open_edges, whole.open_edges);
+            EXPECT_EQ(report.euler_characteristic, whole.euler_characteristic);
+            EXPECT_EQ(report.area, whole.area);
+            EXPECT_EQ(report.volume, whole.volume);
+        }
+    }
+}
+
+// Roofs of two triangles, each with a gutter of two more that comes long after: the ridge has four faces then, as an edge along which two cubes
+// touch.
+TEST(MeasuredSurface, FacesThatComeLateToAnEdgeAreSeen) {
+    StoreInMemory scratch;
+    MeasuredSurface measured(nullptr, &scratch, 300'000, true);
+    constexpr uint32_t kRoofs = 20'000;
+    for (uint32_t roof = 0; roof < kRoofs; ++roof) {
+        const float x = float(4 * roof);
+        const std::vector<Vec3f> corners = {{x, 0, 0}, {x, 0, 1}, {x + 1, 0, 0}, {x, 1, 0}};
+        const uint32_t a = 4 * roof;
+        const std::vector<std::array<uint32_t, 3>> faces = {{a, a + 1, a + 2}, {a + 1, a, a + 3}};
+        measured.add({.positions = corners, .triangles = faces});
+    }
+    EXPECT_EQ(measured.report().nonmanifold_edges, 0u);
+    for (uint32_t roof = 0; roof < kRoofs; ++roof) {
+        const float x = float(4 * roof);
+        const std::vector<Vec3f> corners = {{x - 1, 0, 0}, {x, -1, 0}};
+        const uint32_t a = 4 * roof, b = 4 * kRoofs + 2 * roof;
+        const std::vector<std::array<uint32_t, 3>> faces = {{a, a + 1, b}, {a + 1, a, b + 1}};
+        measured.add({.positions = corners, .triangles = faces});
+    }
+    const SurfaceReport report = measured.report();
+    EXPECT_EQ(report.nonmanifold_edges, kRoofs);
+    EXPECT_EQ(report.boundary_edges, 8u * kRoofs);
+    EXPECT_EQ(report.edges, 9u * kRoofs);
+    EXPECT_EQ(report.components, kRoofs);
+    EXPECT_EQ(report.euler_characteristic, int64_t{kRoofs});  // 6 - 9 + 4 each
+}
+
+// Quads with corners of their own: every edge stays open, and what does not fit is put away.
+TEST(EdgeTable, KeepsToItsMemory) {
+    StoreInMemory scratch;
+    ScratchRoom room(scratch);
+    constexpr uint64_t kMemory = 1 << 20;
+    EdgeTable edges(false, &room, kMemory);
+    constexpr uint32_t kQuads = 200'000, kPiece = 400;
+    for (uint32_t first = 0; first < 4 * kQuads;) {
+        edges.add_vertices(kPiece);
+        for (const uint32_t end = first + kPiece; first < end; first += 4) {
+            for (uint32_t i = 0; i < 4; ++i) edges.add(first + i, first + (i + 1) % 4);
+            edges.face_done();
+        }
+        ASSERT_LE(edges.memory_bytes(), kMemory + 2 * 32 * kPiece);
+    }
+    const EdgeCounts counts = edges.count();
+    EXPECT_EQ(counts.edges, 4u * kQuads);
+    EXPECT_EQ(counts.boundary, 4u * kQuads);
+    EXPECT_EQ(counts.open, 4u * kQuads);
+    EXPECT_EQ(scratch.size(), 9u * 4 * kQuads);  // each once
 }
 
 // A third face at an edge is seen while the edge is not forgotten.
