@@ -104,8 +104,10 @@ void ByteStream::fail_at_byte(const std::string& expectation) const {
     throw Error(ErrorKind::malformed, name() + ": byte " + std::to_string(position()) + ": " + expectation);
 }
 
+std::string ByteStream::place_of_line() const { return name() + ": line " + std::to_string(std::max<uint64_t>(line_, 1)); }
+
 void ByteStream::fail_at_line(const std::string& expectation) const {
-    throw Error(ErrorKind::malformed, name() + ": line " + std::to_string(std::max<uint64_t>(line_, 1)) + ": " + expectation);
+    throw Error(ErrorKind::malformed, place_of_line() + ": " + expectation);
 }
 
 }  // namespace strata

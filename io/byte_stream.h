@@ -25,6 +25,7 @@ public:
     uint64_t position() const { return offset_ + begin_; }  // of the next byte
     uint64_t left() const { return size() - position(); }
     uint64_t line_number() const { return line_; }  // of the line read last, from 1
+    std::string place_of_line() const;              // of the line read last: "name: line N"
 
     /// The next `count` bytes, at most 64 KiB. throws Error{malformed} when fewer are left
     std::span<const std::byte> take(size_t count) {

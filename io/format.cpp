@@ -15,8 +15,8 @@
 #include "io/las/laz_source.h"
 #include "io/merged_source.h"
 #include "io/mesh/mesh_reader.h"
-#include "io/mesh/text_words.h"
 #include "io/potree/potree_cloud.h"
+#include "io/text_words.h"
 #include "io/vdb/vdb_file.h"
 #include "io/volume/volume_header.h"
 
@@ -73,11 +73,6 @@ const Format* format_of_folder(const std::string& path) {
 const Format& identify_folder(const std::string& path) {
     if (const Format* format = format_of_folder(path)) return *format;
     throw Error(ErrorKind::unsupported, path + ": a folder without data: metadata.json of Potree 2.0 is expected");
-}
-
-std::string lower_case(std::string text) {
-    std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-    return text;
 }
 
 bool is_points_name(const fs::path& path) {

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "app/commands/camera_file.h"
+#include "app/commands/command_report.h"
 #include "app/commands/commands.h"
 #include "app/commands/info_json.h"
 #include "app/commands/spared_inputs.h"
@@ -15,7 +16,6 @@
 #include "app/commands/render_options.h"
 #include "app/commands/surface_input.h"
 #include "app/peak_memory.h"
-#include "app/printable_text.h"
 #include "app/quantity_text.h"
 #include "core/error.h"
 #include "core/surface/surface_report.h"
@@ -240,10 +240,8 @@ int run(const Options& options) {
     written.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     if (!writer->keeps_quads()) written.surface.triangles += 2 * std::exchange(written.surface.quads, 0);
     for (const std::string& note : writer->notes()) input->notes.push_back(note);
-    for (const std::string& note : input->notes)
-        if (!quiet) std::fprintf(stderr, "note: %s\n", printable(note).c_str());
-    // Names from a file may be of any encoding; JSON is UTF-8.
-    if (json) std::printf("%s\n", report_json(path, written, *input, request).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+    if (!quiet) print_notes(input->notes);
+    if (json) print_json(report_json(path, written, *input, request));
     else if (!quiet) print_summary(path, written, has_volume(written.surface, input->method(), request));
     return 0;
 }

@@ -5,12 +5,12 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "app/commands/command_report.h"
 #include "app/commands/commands.h"
 #include "app/commands/spared_inputs.h"
 #include "app/commands/voxel_input.h"
 #include "app/commands/voxel_output.h"
 #include "app/peak_memory.h"
-#include "app/printable_text.h"
 #include "app/quantity_text.h"
 #include "core/error.h"
 #include "io/scratch_file.h"
@@ -141,10 +141,8 @@ int run(const Options& options) {
     progress.clear();
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     if (written.voxels == 0) input->notes.push_back("there are no voxels");
-    for (const std::string& note : input->notes)
-        if (!quiet) std::fprintf(stderr, "note: %s\n", printable(note).c_str());
-    // Names from a file may be of any encoding; JSON is UTF-8.
-    if (json) std::printf("%s\n", report_json(output.path, written, *input, seconds).dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
+    if (!quiet) print_notes(input->notes);
+    if (json) print_json(report_json(output.path, written, *input, seconds));
     else if (!quiet) print_summary(output.path, written, input->frame().voxel_size, seconds);
     return 0;
 }

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "core/error.h"
-#include "io/mesh/text_words.h"
+#include "io/text_words.h"
 
 namespace strata::ply {
 namespace {

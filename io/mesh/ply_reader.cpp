@@ -9,7 +9,7 @@
 #include "io/mesh/mesh_reader.h"
 #include "io/mesh/nowhere.h"
 #include "io/mesh/ply_header.h"
-#include "io/mesh/text_words.h"
+#include "io/text_words.h"
 
 namespace strata {
 namespace {

@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "io/mesh/mesh_memory.h"
 #include "io/mesh/mesh_reader.h"
-#include "io/mesh/text_words.h"
+#include "io/text_words.h"
 
 namespace strata {
 namespace {

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "core/error.h"
-#include "io/mesh/text_words.h"
+#include "io/text_words.h"
 #include "io/volume/volume_header.h"
 
 namespace strata {
@@ -18,12 +18,6 @@ constexpr std::array<std::pair<std::string_view, SampleType>, 12> kTypes = {{
     {"MET_INT", SampleType::int32}, {"MET_UINT", SampleType::uint32}, {"MET_LONG", SampleType::int32}, {"MET_ULONG", SampleType::uint32},  // of 4 bytes
     {"MET_LONG_LONG", SampleType::int64}, {"MET_ULONG_LONG", SampleType::uint64}, {"MET_FLOAT", SampleType::float32}, {"MET_DOUBLE", SampleType::float64},
 }};
-
-std::string_view trimmed(std::string_view text) {
-    while (!text.empty() && TextWords::is_blank(text.front())) text.remove_prefix(1);
-    while (!text.empty() && TextWords::is_blank(text.back())) text.remove_suffix(1);
-    return text;
-}
 
 // The key of a line 'key = value', and that; an empty key: it is no such line.
 std::pair<std::string_view, std::string_view> key_and_value(std::string_view line) {
@@ -51,15 +45,13 @@ public:
     }
 
 private:
-    std::string place() const { return stream_.name() + ": line " + std::to_string(stream_.line_number()); }
-
     // false: it was the last line
     bool take(std::string_view key, std::string_view value) {
         if (key == "ObjectType") {
-            if (value != "Image") throw Error(ErrorKind::unsupported, place() + ": objects of type Image are read, not " + std::string(value));
+            if (value != "Image") throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": objects of type Image are read, not " + std::string(value));
         } else if (key == "NDims") {
             if (dimensions_ != 0) stream_.fail_at_line("one line 'NDims = ...' is expected, this is the second");
-            dimensions_ = size_t(integer(value, 1, int64_t(kMostDimensions)));
+            dimensions_ = size_t(integer_of(stream_, value, 1, int64_t(kMostDimensions)));
         } else if (key == "DimSize") {
             sizes_.clear();
             for (const double size : numbers(value, dimensions())) {
@@ -67,24 +59,24 @@ private:
                 if (!(size >= 0.0) || size != std::floor(size) || size > 0x1p53) stream_.fail_at_line("numbers of samples are expected");
                 sizes_.push_back(uint64_t(size));
             }
-            size_place_ = place();
+            size_place_ = stream_.place_of_line();
         } else if (key == "ElementSpacing" || key == "ElementSize") {
             std::vector<double> values = numbers(value, dimensions());
             if (key == "ElementSpacing" || !has_spacing_) {
                 spacing_ = std::move(values);
-                spacing_place_ = place();
+                spacing_place_ = stream_.place_of_line();
             }
             has_spacing_ |= key == "ElementSpacing";
         } else if (key == "Offset" || key == "Origin" || key == "Position") {
             origin_ = numbers(value, dimensions());
         } else if (key == "TransformMatrix" || key == "Rotation" || key == "Orientation") {
             directions_ = numbers(value, dimensions() * dimensions());
-            directions_place_ = place();
+            directions_place_ = stream_.place_of_line();
         } else if (key == "ElementType") {
             set_type(value);
         } else if (key == "ElementNumberOfChannels") {
-            if (const int64_t channels = integer(value, 1, 1 << 20); channels != 1)
-                throw Error(ErrorKind::unsupported, place() + ": one value a sample is expected, there are " + std::to_string(channels));
+            if (const int64_t channels = integer_of(stream_, value, 1, 1 << 20); channels != 1)
+                throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": one value a sample is expected, there are " + std::to_string(channels));
         } else if (key == "BinaryData") {
             if (!truth(value)) header_.encoding = VolumeEncoding::text;
         } else if (key == "CompressedData") {
@@ -92,9 +84,9 @@ private:
         } else if (key == "BinaryDataByteOrderMSB" || key == "ElementByteOrderMSB") {
             header_.is_big_endian = truth(value);
         } else if (key == "CompressedDataSize") {
-            header_.stored_bytes = uint64_t(integer(value, 0, INT64_MAX));
+            header_.stored_bytes = uint64_t(integer_of(stream_, value, 0, INT64_MAX));
         } else if (key == "HeaderSize") {
-            header_size_ = integer(value, -1, INT64_MAX);
+            header_size_ = integer_of(stream_, value, -1, INT64_MAX);
         } else if (key == "ElementToIntensityFunctionSlope" || key == "ElementToIntensityFunctionOffset") {
             if (const double number = numbers(value, 1)[0]; number != (key.ends_with("Slope") ? 1.0 : 0.0))
                 header_.notes.push_back(std::string(key) + " is " + std::string(value) + ": values are taken as they are stored");
@@ -108,7 +100,7 @@ private:
     void set_type(std::string_view value) {
         const auto* const found = std::find_if(kTypes.begin(), kTypes.end(), [&](const auto& type) { return type.first == value; });
         if (found == kTypes.end())
-            throw Error(ErrorKind::unsupported, place() + ": one number a sample is expected, of a type such as MET_UCHAR, MET_SHORT or MET_FLOAT, not " + std::string(value));
+            throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": one number a sample is expected, of a type such as MET_UCHAR, MET_SHORT or MET_FLOAT, not " + std::string(value));
         header_.type = found->second;
         has_type_ = true;
     }
@@ -116,8 +108,8 @@ private:
     void set_data_file(std::string_view value) {
         if (value == "LOCAL" || value == "Local" || value == "local") return;
         if (value.starts_with("LIST") || value.find('%') != std::string_view::npos)
-            throw Error(ErrorKind::unsupported, place() + ": all samples in one file are expected, not a list or a pattern of files");
-        header_.data_file = checked_data_file(value, place());
+            throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": all samples in one file are expected, not a list or a pattern of files");
+        header_.data_file = checked_data_file(value, stream_.place_of_line());
     }
 
     size_t dimensions() const {
@@ -131,13 +123,6 @@ private:
             if (!words.number(number)) stream_.fail_at_line(std::to_string(count) + " numbers are expected");
         if (words.more()) stream_.fail_at_line(std::to_string(count) + " numbers are expected, there are more");
         return values;
-    }
-    int64_t integer(std::string_view value, int64_t least, int64_t most) const {
-        TextWords words(value);
-        int64_t number = 0;
-        if (!words.more() || !words.integer(number) || words.more() || number < least || number > most)
-            stream_.fail_at_line("an integer from " + std::to_string(least) + " to " + std::to_string(most) + " is expected");
-        return number;
     }
     bool truth(std::string_view value) const {
         if (value == "True" || value == "true" || value == "TRUE" || value == "T" || value == "t" || value == "1") return true;

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "core/error.h"
-#include "io/mesh/text_words.h"
+#include "io/text_words.h"
 #include "io/volume/volume_header.h"
 
 namespace strata {
@@ -31,19 +31,6 @@ constexpr std::array<std::pair<std::string_view, SampleType>, 45> kTypes = {{
     {"float", SampleType::float32}, {"float32", SampleType::float32}, {"float_t", SampleType::float32},
     {"double", SampleType::float64}, {"float64", SampleType::float64}, {"double_t", SampleType::float64}, {"char", SampleType::int8},
 }};
-
-std::string_view trimmed(std::string_view text) {
-    while (!text.empty() && TextWords::is_blank(text.front())) text.remove_prefix(1);
-    while (!text.empty() && TextWords::is_blank(text.back())) text.remove_suffix(1);
-    return text;
-}
-
-std::string lower_case(std::string_view text) {
-    std::string lower(text);
-    for (char& c : lower)
-        if (c >= 'A' && c <= 'Z') c = char(c + ('a' - 'A'));
-    return lower;
-}
 
 // Names of fields are written with blanks or without.
 std::string without_blanks(std::string text) {
@@ -79,8 +66,6 @@ private:
         std::string kind;
     };
 
-    std::string place() const { return stream_.name() + ": line " + std::to_string(stream_.line_number()); }
-
     void take(std::string_view line) {
         const size_t colon = line.find(':');
         if (colon == std::string_view::npos) stream_.fail_at_line("'field: value' is expected");
@@ -89,7 +74,7 @@ private:
         const std::string_view value = trimmed(line.substr(colon + 1));
         if (field == "dimension") {
             if (!axes_.empty()) stream_.fail_at_line("one field 'dimension' is expected, this is the second");
-            axes_.resize(size_t(integer(value, 1, int64_t(kMostDimensions))));
+            axes_.resize(size_t(integer_of(stream_, value, 1, int64_t(kMostDimensions))));
         } else if (field == "type") {
             set_type(value);
         } else if (field == "sizes") {
@@ -100,7 +85,7 @@ private:
                 axis.size = uint64_t(size);
             }
             end(words);
-            sizes_place_ = place();
+            sizes_place_ = stream_.place_of_line();
         } else if (field == "encoding") {
             set_encoding(lower_case(value));
         } else if (field == "endian") {
@@ -110,13 +95,13 @@ private:
             has_endian_ = true;
         } else if (field == "spacings") {
             each_number(value, [&](Axis& axis, double number) { axis.spacing = number; });
-            placement_place_ = place();
+            placement_place_ = stream_.place_of_line();
         } else if (field == "axismins") {
             each_number(value, [&](Axis& axis, double number) { axis.min = number; });
-            placement_place_ = place();
+            placement_place_ = stream_.place_of_line();
         } else if (field == "axismaxs") {
             each_number(value, [&](Axis& axis, double number) { axis.max = number; });
-            placement_place_ = place();
+            placement_place_ = stream_.place_of_line();
         } else if (field == "centers" || field == "centerings") {
             each_word(value, [&](Axis& axis, std::string_view word) { axis.is_node_centered = lower_case(word) == "node"; });
         } else if (field == "kinds") {
@@ -125,22 +110,22 @@ private:
             std::string_view left = value;
             for (Axis& axis : axes()) axis.direction = vector(left);
             if (!trimmed(left).empty()) stream_.fail_at_line(count_text() + " directions are expected, there are more");
-            placement_place_ = place();
+            placement_place_ = stream_.place_of_line();
             has_directions_ = true;
         } else if (field == "spaceorigin") {
             std::string_view left = value;
             const std::optional<Vec3d> origin = vector(left);
             if (!origin || !trimmed(left).empty()) stream_.fail_at_line("a place as (x,y,z) is expected");
             origin_ = *origin;
-            placement_place_ = place();
+            placement_place_ = stream_.place_of_line();
         } else if (field == "datafile") {
             if (value.starts_with("LIST") || value.find('%') != std::string_view::npos)
-                throw Error(ErrorKind::unsupported, place() + ": all samples in one file are expected, not a list or a pattern of files");
-            header_.data_file = checked_data_file(value, place());
+                throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": all samples in one file are expected, not a list or a pattern of files");
+            header_.data_file = checked_data_file(value, stream_.place_of_line());
         } else if (field == "lineskip") {
-            header_.lines_before = uint64_t(integer(value, 0, INT64_MAX));
+            header_.lines_before = uint64_t(integer_of(stream_, value, 0, INT64_MAX));
         } else if (field == "byteskip") {
-            const int64_t skip = integer(value, -1, INT64_MAX);
+            const int64_t skip = integer_of(stream_, value, -1, INT64_MAX);
             header_.is_at_end = skip < 0;
             header_.bytes_before = skip < 0 ? 0 : uint64_t(skip);
         }  // others say nothing of where samples lie
@@ -149,7 +134,7 @@ private:
     void set_type(std::string_view value) {
         const std::string name = lower_case(value);
         const auto* const found = std::find_if(kTypes.begin(), kTypes.end(), [&](const auto& type) { return type.first == name; });
-        if (found == kTypes.end()) throw Error(ErrorKind::unsupported, place() + ": a type such as uchar, short or float is expected, not " + std::string(value));
+        if (found == kTypes.end()) throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": a type such as uchar, short or float is expected, not " + std::string(value));
         header_.type = found->second;
         has_type_ = true;
     }
@@ -157,7 +142,7 @@ private:
         if (name == "raw") header_.encoding = VolumeEncoding::raw;
         else if (name == "gz" || name == "gzip") header_.encoding = VolumeEncoding::deflated;
         else if (name == "txt" || name == "text" || name == "ascii") header_.encoding = VolumeEncoding::text;
-        else throw Error(ErrorKind::unsupported, place() + ": encoding raw, gzip or ascii is expected, not " + name);
+        else throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": encoding raw, gzip or ascii is expected, not " + name);
         has_encoding_ = true;
     }
 
@@ -189,13 +174,6 @@ private:
         }
         end(words);
     }
-    int64_t integer(std::string_view value, int64_t least, int64_t most) const {
-        TextWords words(value);
-        int64_t number = 0;
-        if (!words.more() || !words.integer(number) || words.more() || number < least || number > most)
-            stream_.fail_at_line("an integer from " + std::to_string(least) + " to " + std::to_string(most) + " is expected");
-        return number;
-    }
 
     // "(1,0,0)" or "none", from the start of `left`, which it is taken from. In two dimensions z is 0.
     std::optional<Vec3d> vector(std::string_view& left) const {
@@ -210,7 +188,7 @@ private:
         left.remove_prefix(close + 1);
         size_t parts = 1 + size_t(std::count(text.begin(), text.end(), ','));
         std::replace(text.begin(), text.end(), ',', ' ');
-        if (parts != 2 && parts != 3) throw Error(ErrorKind::unsupported, place() + ": vectors of three numbers are expected, there are " + std::to_string(parts));
+        if (parts != 2 && parts != 3) throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": vectors of three numbers are expected, there are " + std::to_string(parts));
         TextWords words(text);
         Vec3d result = Vec3d::Zero();
         for (size_t k = 0; k < parts; ++k)

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "core/error.h"
-#include "io/mesh/text_words.h"
+#include "io/text_words.h"
 
 namespace strata {
 namespace {

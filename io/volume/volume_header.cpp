@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "core/error.h"
+#include "io/text_words.h"
 
 namespace strata {
 namespace {
@@ -62,6 +63,14 @@ void check_placement(const GridPlacement& placement, const std::array<uint32_t, 
     const Vec3d last = placement.world_from_index(Vec3d(size[0] - 1.0, size[1] - 1.0, size[2] - 1.0));
     if (!placement.origin.allFinite() || placement.origin.cwiseAbs().maxCoeff() > 1e30 || !last.allFinite())
         throw Error(ErrorKind::malformed, place + ": an origin of at most 1e30 is expected");
+}
+
+int64_t integer_of(const ByteStream& stream, std::string_view value, int64_t least, int64_t most) {
+    TextWords words(value);
+    int64_t number = 0;
+    if (!words.more() || !words.integer(number) || words.more() || number < least || number > most)
+        stream.fail_at_line("an integer from " + std::to_string(least) + " to " + std::to_string(most) + " is expected");
+    return number;
 }
 
 double checked_spacing(double spacing, const std::string& place) {

@@ -70,6 +70,10 @@ void set_size(VolumeHeader& header, const std::array<uint64_t, 3>& size, const s
 /// throws  Error{malformed}: steps that are zero, not finite, or beyond what can be computed with; steps in one plane
 void check_placement(const GridPlacement& placement, const std::array<uint32_t, 3>& size, const std::string& place);
 
+/// The whole number that a line of a header says.
+/// throws  Error{malformed}, naming the line: no number, or not from least to most
+int64_t integer_of(const ByteStream& stream, std::string_view value, int64_t least, int64_t most);
+
 /// A step along an axis as a file says it.
 /// throws  Error{malformed}: zero, negative or not finite
 double checked_spacing(double spacing, const std::string& place);

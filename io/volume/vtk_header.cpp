@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "core/error.h"
-#include "io/mesh/text_words.h"
+#include "io/text_words.h"
 #include "io/volume/volume_header.h"
 
 namespace strata {
@@ -16,14 +16,6 @@ constexpr std::array<std::pair<std::string_view, SampleType>, 13> kTypes = {{
     {"long", SampleType::int64}, {"vtktypeuint64", SampleType::uint64}, {"vtktypeint64", SampleType::int64}, {"float", SampleType::float32},
     {"double", SampleType::float64},
 }};
-
-// Keywords are written in any case.
-std::string lower_case(std::string_view text) {
-    std::string lower(text);
-    for (char& c : lower)
-        if (c >= 'A' && c <= 'Z') c = char(c + ('a' - 'A'));
-    return lower;
-}
 
 class VtkReader {
 public:
@@ -37,7 +29,7 @@ public:
         if (!stream_.next_line(line)) stream_.fail_at_line("a title is expected");
         read_encoding();
         expect("dataset");
-        if (const std::string kind = word(); kind != "structured_points") throw Error(ErrorKind::unsupported, place() + ": a data set of STRUCTURED_POINTS is expected, not " + kind);
+        if (const std::string kind = word(); kind != "structured_points") throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": a data set of STRUCTURED_POINTS is expected, not " + kind);
         std::string keyword;
         while ((keyword = next()) != "point_data") take(keyword);
         if (size_place_.empty()) stream_.fail_at_line("DIMENSIONS is expected before this");
@@ -50,8 +42,6 @@ public:
     }
 
 private:
-    std::string place() const { return stream_.name() + ": line " + std::to_string(stream_.line_number()); }
-
     void read_encoding() {
         const std::string encoding = next();
         if (encoding != "ascii" && encoding != "binary") stream_.fail_at_line("ASCII or BINARY is expected");
@@ -67,9 +57,9 @@ private:
                 if (size > (uint64_t{1} << 62) / samples_) stream_.fail_at_line("fewer than 2^62 points are expected");
                 samples_ *= size;
             }
-            size_place_ = place();
+            size_place_ = stream_.place_of_line();
         } else if (keyword == "spacing" || keyword == "aspect_ratio") {
-            spacing_place_ = place();
+            spacing_place_ = stream_.place_of_line();
             for (Eigen::Index axis = 0; axis < 3; ++axis) header_.placement.axes(axis, axis) = checked_spacing(number(), spacing_place_);
         } else if (keyword == "origin") {
             for (double& part : header_.placement.origin) part = number();
@@ -79,13 +69,13 @@ private:
     }
 
     void read_scalars() {
-        if (next() != "scalars") throw Error(ErrorKind::unsupported, place() + ": SCALARS are expected first of what points have");
+        if (next() != "scalars") throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": SCALARS are expected first of what points have");
         word();  // their name
         const std::string name = word();
         const auto* const found = std::find_if(kTypes.begin(), kTypes.end(), [&](const auto& type) { return type.first == name; });
-        if (found == kTypes.end()) throw Error(ErrorKind::unsupported, place() + ": a type such as unsigned_char, short or float is expected, not " + name);
+        if (found == kTypes.end()) throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": a type such as unsigned_char, short or float is expected, not " + name);
         header_.type = found->second;
-        if (words_.more() && integer(1) != 1) throw Error(ErrorKind::unsupported, place() + ": one value a point is expected");
+        if (words_.more() && integer(1) != 1) throw Error(ErrorKind::unsupported, stream_.place_of_line() + ": one value a point is expected");
         expect("lookup_table");
         word();
     }

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "tests/support/run_program.h"
+#include "tests/support/scan_files.h"
 #include "tests/support/temporary_folder.h"
 
 namespace strata {
@@ -15,13 +16,6 @@ namespace {
 namespace fs = std::filesystem;
 using test::ProgramResult;
 using test::run_strata;
-
-std::string text_of(const std::string& path) {
-    std::ifstream file(path, std::ios::binary);
-    std::ostringstream text;
-    text << file.rdbuf();
-    return text.str();
-}
 
 // Rows of a CSV file without quoted cells, by their first column, then by the heading.
 std::map<std::string, std::map<std::string, std::string>> rows_of(const std::string& path) {
@@ -74,10 +68,10 @@ TEST(Bench, AccuracyOfOneKindOfSplat) {
             EXPECT_LE(std::stod(row.at(share)), 100.0);
         }
     }
-    const std::string report = text_of(folder.file("out/accuracy.md"));
+    const std::string report = test::file_contents(folder.file("out/accuracy.md"));
     EXPECT_NE(report.find("Machine: "), std::string::npos);
     EXPECT_NE(report.find("(accuracy_splats_far.svg)"), std::string::npos);
-    EXPECT_NE(text_of(folder.file("out/accuracy_splats_far.svg")).find("</svg>"), std::string::npos);
+    EXPECT_NE(test::file_contents(folder.file("out/accuracy_splats_far.svg")).find("</svg>"), std::string::npos);
     EXPECT_EQ(std::distance(fs::directory_iterator(folder.file("out")), fs::directory_iterator()), 3) << "the scene is gone";
 }
 
@@ -114,7 +108,7 @@ TEST(Bench, AccuracyOfAmbientOcclusionOfTheScene) {
     EXPECT_GT(std::stod(row.at("unlit_rms")), 0.05) << "the scene has occlusion to find";
     EXPECT_LT(std::stod(row.at("truth_rms")), std::stod(row.at("unlit_rms")));
     EXPECT_GT(std::stod(row.at("sky_bias")), std::stod(row.at("truth_bias"))) << "what lies beyond the radius occludes too";
-    EXPECT_NE(text_of(folder.file("out/accuracy.md")).find("(accuracy_ssao_error.svg)"), std::string::npos);
+    EXPECT_NE(test::file_contents(folder.file("out/accuracy.md")).find("(accuracy_ssao_error.svg)"), std::string::npos);
 }
 
 // Linear interpolation errs by the square of the cell; on distances to a sphere there is a bound.
@@ -131,7 +125,7 @@ TEST(Bench, AccuracyOfIsosurfaces) {
         const std::string name = std::string("sphere/") + samples;
         EXPECT_LE(value(name, "largest"), value(name, "bound") + 1e-7) << name;  // and floats
     }
-    EXPECT_NE(text_of(folder.file("out/accuracy.md")).find("(accuracy_contour_error.svg)"), std::string::npos);
+    EXPECT_NE(test::file_contents(folder.file("out/accuracy.md")).find("(accuracy_contour_error.svg)"), std::string::npos);
 }
 
 // More cones, and more rays, come nearer to the truth; one cone does better than its mean.
@@ -169,7 +163,7 @@ TEST(Bench, AccuracyOfNormals) {
         EXPECT_LT(angle, 0.6 * before) << "neighbors average noise, and lie farther away";
         before = angle;
     }
-    EXPECT_NE(text_of(folder.file("out/accuracy_normals_noise.svg")).find("stroke-dasharray"), std::string::npos);
+    EXPECT_NE(test::file_contents(folder.file("out/accuracy_normals_noise.svg")).find("stroke-dasharray"), std::string::npos);
 }
 
 TEST(Bench, SpeedOfAStep) {
@@ -189,9 +183,9 @@ TEST(Bench, KeepsAnEarlierReport) {
     const ProgramResult result = run_strata(small({"speed", "--only", "select", "-o", folder.path()}));
     EXPECT_EQ(result.exit_code, 1);
     EXPECT_NE(result.err.find("--overwrite"), std::string::npos) << result.err;
-    EXPECT_EQ(text_of(folder.file("speed_steps.csv")), "precious");
+    EXPECT_EQ(test::file_contents(folder.file("speed_steps.csv")), "precious");
     EXPECT_EQ(run_strata(small({"speed", "--only", "select", "-o", folder.path(), "--overwrite"})).exit_code, 0);
-    EXPECT_NE(text_of(folder.file("speed_steps.csv")), "precious");
+    EXPECT_NE(test::file_contents(folder.file("speed_steps.csv")), "precious");
 }
 
 TEST(Bench, WrongWordsAreUsageErrors) {

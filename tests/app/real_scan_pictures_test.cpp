@@ -5,8 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "tests/support/run_program.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/baseline.h"
 
 namespace strata {
 namespace {
@@ -23,23 +22,14 @@ void PrintTo(const Picture& picture, std::ostream* out) { *out << picture.name; 
 
 class RealScanPictures : public testing::TestWithParam<Picture> {};
 
-// As for the village, a tile may be off by 2 steps of 255: what a GPU's lighting may differ by. A missing point is off by far more.
 TEST_P(RealScanPictures, AgreeWithTheBaselines) {
     const Picture& picture = GetParam();
     const char* const data = std::getenv("STRATA_DATA");
     const fs::path scan = fs::path(data ? data : "") / picture.scan;
     if (!data || !fs::exists(scan)) GTEST_SKIP() << "STRATA_DATA names no folder with real scans";
-    const TemporaryFolder folder;
-    const std::string name = picture.name;
-    std::vector<std::string> words = {"render", scan.string(), "-o", folder.file(name + ".png"), "--size", "320x200", "--reference",
-                                      STRATA_SOURCE_DIR "/tests/baselines/" + name + ".png", "--threshold", "2"};
+    std::vector<std::string> words = {scan.string()};
     words.insert(words.end(), picture.words.begin(), picture.words.end());
-    const test::ProgramResult result = test::run_strata(words);
-    EXPECT_EQ(result.exit_code, 0) << result.err;
-    if (result.exit_code == 0) return;
-    // Kept for whoever looks into it, beside the test program.
-    for (const std::string& kept : {name + ".png", name + ".difference.png"})
-        if (fs::exists(folder.file(kept))) fs::copy_file(folder.file(kept), kept, fs::copy_options::overwrite_existing);
+    test::expect_baseline(picture.name, words);
 }
 
 INSTANTIATE_TEST_SUITE_P(, RealScanPictures,

@@ -8,10 +8,11 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "render/image.h"
+#include "tests/support/baseline.h"
 #include "tests/support/run_program.h"
+#include "tests/support/scan_files.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/test_meshes.h"
 
@@ -19,15 +20,9 @@ namespace strata {
 namespace {
 
 namespace fs = std::filesystem;
+using test::expect_baseline;
 using test::ProgramResult;
 using test::run_strata;
-
-std::string bytes_of(const std::string& path) {
-    std::ifstream file(path, std::ios::binary);
-    std::ostringstream text;
-    text << file.rdbuf();
-    return text.str();
-}
 
 void write_obj(const std::string& path, const TriangleMesh& mesh) {
     std::ofstream file(path);
@@ -69,18 +64,8 @@ protected:
         if (std::find(words.begin(), words.end(), "--size") == words.end()) words.insert(words.end(), {"--size", "320x200"});
         return run_strata(words);
     }
-    // The picture must be the one that is kept, up to the two steps that a GPU's lighting may differ by.
-    static void expect_baseline(const std::string& name, std::vector<std::string> words) {
-        words.insert(words.end(), {"-o", file(name + ".png"), "--reference", STRATA_SOURCE_DIR "/tests/baselines/" + name + ".png", "--threshold", "2"});
-        const ProgramResult result = render(words);
-        EXPECT_EQ(result.exit_code, 0) << result.err;
-        if (result.exit_code == 0) return;
-        // Kept for whoever looks into it, beside the test program.
-        for (const std::string& kept : {name + ".png", name + ".difference.png"})
-            if (fs::exists(file(kept))) fs::copy_file(file(kept), kept, fs::copy_options::overwrite_existing);
-    }
     static std::vector<float> depths_of(const std::string& name, size_t pixels) {
-        const std::string pfm = bytes_of(file(name));
+        const std::string pfm = test::file_contents(file(name));
         std::vector<float> depths(pixels);
         EXPECT_GT(pfm.size(), pixels * 4);
         if (pfm.size() > pixels * 4) std::memcpy(depths.data(), pfm.data() + pfm.size() - pixels * 4, pixels * 4);
@@ -114,7 +99,7 @@ TEST_F(RenderMesh, SamePixelsForAnyThreadsAndStrips) {
         words.insert(words.end(), all.begin(), all.end());
         words.insert(words.end(), {"-o", file(name), "--depth", file(name) + ".pfm"});
         EXPECT_EQ(render(words).exit_code, 0);
-        return bytes_of(file(name)) + bytes_of(file(name) + ".pfm");
+        return test::file_contents(file(name)) + test::file_contents(file(name) + ".pfm");
     };
     const std::string one = drawn("one.png", {"--threads", "1"});
     EXPECT_EQ(one, drawn("many.png", {"--threads", "5", "--tile", "37"}));

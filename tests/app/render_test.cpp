@@ -6,10 +6,11 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "render/image.h"
+#include "tests/support/baseline.h"
 #include "tests/support/run_program.h"
+#include "tests/support/scan_files.h"
 #include "tests/support/temporary_folder.h"
 
 namespace strata {
@@ -17,13 +18,6 @@ namespace {
 
 using test::ProgramResult;
 using test::run_strata;
-
-std::string text_of(const std::string& path) {
-    std::ifstream file(path, std::ios::binary);
-    std::ostringstream text;
-    text << file.rdbuf();
-    return text.str();
-}
 
 // The village of the repository's sample data.
 class Render : public testing::Test {
@@ -59,16 +53,9 @@ TEST_F(Render, PicturesAgreeWithTheBaselines) {
         {"village_front_height", {"--view", "front", "--color", "elevation", "--splat", "disc", "--transparent"}},
     };
     for (const auto& [name, extra] : pictures) {
-        std::vector<std::string> words = {"-o", file(name + ".png"), "--edl", "0.7", "--reference",
-                                          STRATA_SOURCE_DIR "/tests/baselines/" + name + ".png", "--threshold", "2"};
+        std::vector<std::string> words = {village(), "--edl", "0.7"};
         words.insert(words.end(), extra.begin(), extra.end());
-        const ProgramResult result = render(words);
-        EXPECT_EQ(result.exit_code, 0) << result.err;
-        if (result.exit_code == 0) continue;
-        // Kept for whoever looks into it, beside the test program.
-        for (const std::string& kept : {name + ".png", name + ".difference.png"})
-            if (std::filesystem::exists(file(kept)))
-                std::filesystem::copy_file(file(kept), kept, std::filesystem::copy_options::overwrite_existing);
+        test::expect_baseline(name, words);
     }
 }
 
@@ -84,7 +71,7 @@ TEST_F(Render, SamePixelsForAnyThreadsAndStrips) {
     for (const std::string kind : {"square", "disc", "paraboloid", "gaussian"}) {
         ASSERT_EQ(render({"-o", file("one.png"), "--threads", "1", "--splat", kind}).exit_code, 0);
         ASSERT_EQ(render({"-o", file("many.png"), "--threads", "7", "--tile", "13", "--splat", kind}).exit_code, 0);
-        EXPECT_EQ(text_of(file("one.png")), text_of(file("many.png"))) << kind;
+        EXPECT_EQ(test::file_contents(file("one.png")), test::file_contents(file("many.png"))) << kind;
     }
 }
 
@@ -106,7 +93,7 @@ TEST_F(Render, EachSplatKindAgreesWithItsBaseline) {
             more.insert(more.begin(), all.begin(), all.end());
             more.insert(more.begin() + ptrdiff_t(all.size()), path);
             EXPECT_EQ(run_strata(more).exit_code, 0);
-            return text_of(path);
+            return test::file_contents(path);
         };
         EXPECT_EQ(drawn(file("whole.png"), {"--threads", "1"}), drawn(file("strips.png"), {"--threads", "5", "--tile", "37"})) << kind;
     }
@@ -121,7 +108,7 @@ TEST_F(Render, EachSplatKindAgreesWithItsBaseline) {
 TEST_F(Render, PointSizesAreClamped) {
     ASSERT_EQ(render({"-o", file("fixed.png"), "--splat", "square", "--point-size", "3"}).exit_code, 0);
     ASSERT_EQ(render({"-o", file("clamped.png"), "--splat", "square", "--min-point-size", "3", "--max-point-size", "3"}).exit_code, 0);
-    EXPECT_EQ(text_of(file("fixed.png")), text_of(file("clamped.png")));
+    EXPECT_EQ(test::file_contents(file("fixed.png")), test::file_contents(file("clamped.png")));
 }
 
 // Fewer pixels show the background, in parts of the picture as in the whole; given without a number, it goes by the points.
@@ -136,7 +123,7 @@ TEST_F(Render, FillClosesHoles) {
     EXPECT_LT(by_points, open);
     EXPECT_LT(wide, by_points);
     EXPECT_EQ(empty("equals.png", {"--fill=6", "--tile", "17", "--threads", "3"}), wide);
-    EXPECT_EQ(text_of(file("equals.png")), text_of(file("wide.png")));
+    EXPECT_EQ(test::file_contents(file("equals.png")), test::file_contents(file("wide.png")));
 }
 
 // Darker somewhere and lighter nowhere; the radius may be left to the cloud; strips and threads do not show.
@@ -156,7 +143,7 @@ TEST_F(Render, AmbientOcclusionDarkens) {
     EXPECT_GT(darker, plain.pixels.size() / 40);
     EXPECT_GT(differ, plain.pixels.size() / 40);
     picture("strips.png", {"--ssao", "--tile", "31", "--threads", "3"});
-    EXPECT_EQ(text_of(file("strips.png")), text_of(file("lit.png")));
+    EXPECT_EQ(test::file_contents(file("strips.png")), test::file_contents(file("lit.png")));
 }
 
 TEST_F(Render, StatsAreOneObjectWithTheKeysThatOthersRead) {
@@ -222,8 +209,8 @@ TEST_F(Render, RasterizersAgree) {
         EXPECT_GT(gpu_stats["uploaded_bytes"], 0);
         EXPECT_EQ(cpu_stats["uploaded_bytes"], 0);
         if (gpu_stats["gl_renderer"].get<std::string>().find("llvmpipe") != std::string::npos) {
-            EXPECT_EQ(text_of(file("gpu.png")), text_of(file("cpu.png")));
-            EXPECT_EQ(text_of(file("gpu.pfm")), text_of(file("cpu.pfm")));
+            EXPECT_EQ(test::file_contents(file("gpu.png")), test::file_contents(file("cpu.png")));
+            EXPECT_EQ(test::file_contents(file("gpu.pfm")), test::file_contents(file("cpu.pfm")));
         } else {
             const Image a = read_png(file("gpu.png")), b = read_png(file("cpu.png"));
             size_t differ = 0;
@@ -328,7 +315,7 @@ TEST_F(Render, AReferenceThatCannotBeComparedIsAFailure) {
         const ProgramResult result = render({"-o", file("last.png"), "--reference", reference});
         EXPECT_EQ(result.exit_code, 1) << result.err;
         EXPECT_NE(result.err.find(reference), std::string::npos) << result.err;
-        EXPECT_EQ(text_of(file("last.png")), "the last run");
+        EXPECT_EQ(test::file_contents(file("last.png")), "the last run");
     }
 }
 
@@ -337,13 +324,13 @@ TEST_F(Render, AWorldFileNeverOutlivesItsPicture) {
     const std::vector<std::string> map = {"-o", file("plan.png"), "--view", "top", "--ortho"};
     ASSERT_EQ(render(map).exit_code, 0);
     ASSERT_TRUE(std::filesystem::exists(file("plan.pgw")));
-    EXPECT_EQ(text_of(file("plan.pgw")).find("-0\n"), std::string::npos);
+    EXPECT_EQ(test::file_contents(file("plan.pgw")).find("-0\n"), std::string::npos);
     ASSERT_EQ(render({"-o", file("plan.png")}).exit_code, 0);
     EXPECT_FALSE(std::filesystem::exists(file("plan.pgw")));
 
     std::ofstream(file("other.pgw")) << "mine";
     EXPECT_EQ(run_strata({"render", village(), "-o", file("other.png"), "--size", "32x16", "--edl", "0"}).exit_code, 1);
-    EXPECT_EQ(text_of(file("other.pgw")), "mine");
+    EXPECT_EQ(test::file_contents(file("other.pgw")), "mine");
 }
 
 TEST_F(Render, AFolderOfScansIsDrawnAsOne) {
@@ -351,7 +338,7 @@ TEST_F(Render, AFolderOfScansIsDrawnAsOne) {
     std::filesystem::copy_file(village(), file("scans/a.las"));
     ASSERT_EQ(render({"-o", file("file.png")}).exit_code, 0);
     ASSERT_EQ(run_strata({"render", file("scans"), "-o", file("folder.png"), "--size", "320x200", "--edl", "0"}).exit_code, 0);
-    EXPECT_EQ(text_of(file("file.png")), text_of(file("folder.png")));
+    EXPECT_EQ(test::file_contents(file("file.png")), test::file_contents(file("folder.png")));
 }
 
 TEST_F(Render, WrongCommandLinesAreUsageErrors) {
@@ -377,9 +364,9 @@ TEST_F(Render, WrongCommandLinesAreUsageErrors) {
 TEST_F(Render, SamplesSmoothEdges) {
     ASSERT_EQ(render({"-o", file("plain.png"), "--depth", file("plain.pfm")}).exit_code, 0);
     ASSERT_EQ(render({"-o", file("one.png"), "--samples", "1"}).exit_code, 0);
-    EXPECT_EQ(text_of(file("plain.png")), text_of(file("one.png")));
+    EXPECT_EQ(test::file_contents(file("plain.png")), test::file_contents(file("one.png")));
     ASSERT_EQ(render({"-o", file("four.png"), "--samples", "4", "--depth", file("four.pfm"), "--tile", "33"}).exit_code, 0);
-    EXPECT_EQ(text_of(file("plain.pfm")), text_of(file("four.pfm")));
+    EXPECT_EQ(test::file_contents(file("plain.pfm")), test::file_contents(file("four.pfm")));
     // It is the same scene, with fewer jumps from pixel to pixel.
     EXPECT_EQ(render({"-o", file("again.png"), "--samples", "4", "--reference", file("four.png"), "--threshold", "0"}).exit_code, 0);
     const auto roughness = [](const Image& image) {
@@ -413,7 +400,7 @@ TEST_F(Render, APictureIsCalledPng) {
 TEST_F(Render, AnExistingPictureNeedsOverwrite) {
     std::ofstream(file("kept.png")) << "mine";
     EXPECT_NE(run_strata({"render", village(), "-o", file("kept.png"), "--edl", "0"}).exit_code, 0);
-    EXPECT_EQ(text_of(file("kept.png")), "mine");
+    EXPECT_EQ(test::file_contents(file("kept.png")), "mine");
 }
 
 }  // namespace

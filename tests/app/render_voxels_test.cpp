@@ -8,25 +8,20 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "render/image.h"
+#include "tests/support/baseline.h"
 #include "tests/support/run_program.h"
+#include "tests/support/scan_files.h"
 #include "tests/support/temporary_folder.h"
 
 namespace strata {
 namespace {
 
 namespace fs = std::filesystem;
+using test::expect_baseline;
 using test::ProgramResult;
 using test::run_strata;
-
-std::string bytes_of(const std::string& path) {
-    std::ifstream file(path, std::ios::binary);
-    std::ostringstream text;
-    text << file.rdbuf();
-    return text.str();
-}
 
 // Voxels of a meter of the village of the repository's sample data.
 class RenderVoxels : public testing::Test {
@@ -46,16 +41,6 @@ protected:
         words.insert(words.begin(), {"render", "--overwrite"});
         if (std::find(words.begin(), words.end(), "--size") == words.end()) words.insert(words.end(), {"--size", "320x200"});
         return run_strata(words);
-    }
-    // The picture must be the one that is kept, up to the two steps that a GPU's lighting may differ by.
-    static void expect_baseline(const std::string& name, std::vector<std::string> words) {
-        words.insert(words.end(), {"-o", file(name + ".png"), "--reference", STRATA_SOURCE_DIR "/tests/baselines/" + name + ".png", "--threshold", "2"});
-        const ProgramResult result = render(words);
-        EXPECT_EQ(result.exit_code, 0) << result.err;
-        if (result.exit_code == 0) return;
-        // Kept for whoever looks into it, beside the test program.
-        for (const std::string& kept : {name + ".png", name + ".difference.png"})
-            if (fs::exists(file(kept))) fs::copy_file(file(kept), kept, fs::copy_options::overwrite_existing);
     }
 
     static inline TemporaryFolder* folder_ = nullptr;
@@ -90,7 +75,7 @@ TEST_F(RenderVoxels, SamePixelsForAnyThreadsAndStrips) {
             words.insert(words.end(), all.begin(), all.end());
             words.insert(words.end(), {"-o", file(name), "--depth", file(name) + ".pfm"});
             EXPECT_EQ(render(words).exit_code, 0);
-            return bytes_of(file(name)) + bytes_of(file(name) + ".pfm");
+            return test::file_contents(file(name)) + test::file_contents(file(name) + ".pfm");
         };
         EXPECT_EQ(drawn("one.png", {"--threads", "1"}), drawn("many.png", {"--threads", "5", "--tile", "37"})) << shading;
     }
@@ -146,7 +131,7 @@ TEST_F(RenderVoxels, AMapHasAPlaceAndHeights) {
     const nlohmann::json stats = stats_of(result);
     EXPECT_TRUE(fs::exists(file("map.pgw")));
     const double eye = stats["camera"]["eye"][2];
-    const std::string pfm = bytes_of(file("map.pfm"));
+    const std::string pfm = test::file_contents(file("map.pfm"));
     std::vector<float> depths(320 * 200);
     ASSERT_GT(pfm.size(), depths.size() * 4);
     std::memcpy(depths.data(), pfm.data() + pfm.size() - depths.size() * 4, depths.size() * 4);

@@ -9,6 +9,7 @@
 #include "core/math/random.h"
 #include "core/surface/contour.h"
 #include "render/pass/mesh_pass.h"
+#include "tests/support/empty_gbuffer.h"
 #include "tests/support/field_source.h"
 
 namespace strata {
@@ -18,15 +19,7 @@ constexpr uint32_t kWidth = 120, kHeight = 90;
 constexpr double kRadius = 13.0;
 const Vec3d kMiddle(16.4, 15.2, 17.1);
 
-GBuffer empty_gbuffer(uint32_t first_row = 0, uint32_t rows = kHeight) {
-    const size_t pixels = size_t{kWidth} * rows;
-    GBuffer gbuffer = {.width = kWidth, .first_row = first_row, .rows = rows};
-    gbuffer.colors.assign(pixels, 0);
-    gbuffer.depths.assign(pixels, kNoDepth);
-    gbuffer.splat_px.assign(pixels, 0);
-    gbuffer.ids.assign(pixels, kNoPixelId);
-    return gbuffer;
-}
+GBuffer empty_gbuffer(uint32_t first_row = 0, uint32_t rows = kHeight) { return test::empty_gbuffer(kWidth, first_row, rows); }
 
 // Steps of a quarter, half and a whole unit, at UTM coordinates, turned about z, left-handed.
 GridPlacement far_placement() {

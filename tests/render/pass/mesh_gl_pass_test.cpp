@@ -10,6 +10,7 @@
 #include "core/math/random.h"
 #include "render/gl/egl_context.h"
 #include "render/pass/mesh_pass.h"
+#include "tests/support/empty_gbuffer.h"
 #include "tests/support/test_meshes.h"
 
 namespace strata {
@@ -48,14 +49,7 @@ protected:
     }
 
     static GBuffer drawn(const MeshModel& model, const Camera& camera, MeshGlPass* gpu, uint32_t first_row = 0, uint32_t rows = kHeight) {
-        GBuffer gbuffer;
-        gbuffer.width = kWidth;
-        gbuffer.first_row = first_row;
-        gbuffer.rows = rows;
-        const size_t pixels = size_t{kWidth} * rows;
-        gbuffer.colors.assign(pixels, 0);
-        gbuffer.depths.assign(pixels, kNoDepth);
-        gbuffer.ids.assign(pixels, kNoPixelId);
+        GBuffer gbuffer = test::empty_gbuffer(kWidth, first_row, rows);
         MeshPass().draw(model, 1, {camera, kWidth, kHeight, Vec2f::Zero(), {}, 2, UpAxis::z, gpu}, gbuffer);
         return gbuffer;
     }

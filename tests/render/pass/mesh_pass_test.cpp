@@ -19,6 +19,7 @@
 #include "render/reference/mesh_reference.h"
 #include "render/sky_light.h"
 #include "render/srgb.h"
+#include "tests/support/empty_gbuffer.h"
 #include "tests/support/test_meshes.h"
 
 namespace strata {
@@ -26,18 +27,7 @@ namespace {
 
 constexpr uint32_t kWidth = 96, kHeight = 80;
 
-GBuffer empty_gbuffer(uint32_t first_row = 0, uint32_t rows = kHeight) {
-    GBuffer gbuffer;
-    gbuffer.width = kWidth;
-    gbuffer.first_row = first_row;
-    gbuffer.rows = rows;
-    const size_t pixels = size_t{kWidth} * rows;
-    gbuffer.colors.assign(pixels, 0);
-    gbuffer.depths.assign(pixels, kNoDepth);
-    gbuffer.splat_px.assign(pixels, 0);
-    gbuffer.ids.assign(pixels, kNoPixelId);
-    return gbuffer;
-}
+GBuffer empty_gbuffer(uint32_t first_row = 0, uint32_t rows = kHeight) { return test::empty_gbuffer(kWidth, first_row, rows); }
 
 MeshModel model_of(const TriangleMesh& mesh, const MeshStyle& style = {}, std::string_view color = "plain") {
     return MeshModel(mesh, MeshColors(mesh, color, std::nullopt, {}), style);

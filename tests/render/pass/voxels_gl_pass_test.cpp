@@ -12,6 +12,7 @@
 #include "core/math/random.h"
 #include "core/voxel/voxel_tree_builder.h"
 #include "render/gl/egl_context.h"
+#include "tests/support/empty_gbuffer.h"
 #include "tests/support/voxel_cube.h"
 
 namespace strata {
@@ -20,15 +21,7 @@ namespace {
 constexpr uint32_t kWidth = 96, kHeight = 80;
 constexpr uint64_t kAmple = uint64_t{1} << 30;
 
-GBuffer empty_gbuffer(uint32_t first_row = 0, uint32_t rows = kHeight) {
-    const size_t pixels = size_t{kWidth} * rows;
-    GBuffer gbuffer = {.width = kWidth, .first_row = first_row, .rows = rows};
-    gbuffer.colors.assign(pixels, 0);
-    gbuffer.depths.assign(pixels, kNoDepth);
-    gbuffer.splat_px.assign(pixels, 0);
-    gbuffer.ids.assign(pixels, kNoPixelId);
-    return gbuffer;
-}
+GBuffer empty_gbuffer(uint32_t first_row = 0, uint32_t rows = kHeight) { return test::empty_gbuffer(kWidth, first_row, rows); }
 
 // What differs between the pictures of the two, in shares of the covered pixels.
 struct Differences {

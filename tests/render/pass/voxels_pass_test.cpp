@@ -13,6 +13,7 @@
 #include "render/pass/voxel_coverage.h"
 #include "render/pass/voxel_rays.h"
 #include "render/reference/voxel_reference.h"
+#include "tests/support/empty_gbuffer.h"
 #include "tests/support/voxel_cube.h"
 
 namespace strata {
@@ -20,18 +21,7 @@ namespace {
 
 constexpr uint32_t kWidth = 96, kHeight = 80;
 
-GBuffer empty_gbuffer(uint32_t first_row = 0, uint32_t rows = kHeight) {
-    GBuffer gbuffer;
-    gbuffer.width = kWidth;
-    gbuffer.first_row = first_row;
-    gbuffer.rows = rows;
-    const size_t pixels = size_t{kWidth} * rows;
-    gbuffer.colors.assign(pixels, 0);
-    gbuffer.depths.assign(pixels, kNoDepth);
-    gbuffer.splat_px.assign(pixels, 0);
-    gbuffer.ids.assign(pixels, kNoPixelId);
-    return gbuffer;
-}
+GBuffer empty_gbuffer(uint32_t first_row = 0, uint32_t rows = kHeight) { return test::empty_gbuffer(kWidth, first_row, rows); }
 
 VoxelModel model_of(const VoxelTree& tree, VoxelShading shading = VoxelShading::flat, std::string_view color = "plain") {
     return VoxelModel(tree, VoxelColors(tree, color, std::nullopt, {}), shading);

@@ -1,4 +1,4 @@
-#include "io/mesh/text_words.h"
+#include "io/text_words.h"
 
 #include <gtest/gtest.h>
 

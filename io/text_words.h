@@ -3,6 +3,7 @@
 #include <charconv>
 #include <cstdint>
 #include <limits>
+#include <string>
 #include <string_view>
 #include <system_error>
 
@@ -76,5 +77,20 @@ private:
     const char* at_;
     const char* end_;
 };
+
+/// Without the blanks at both ends.
+inline std::string_view trimmed(std::string_view text) {
+    while (!text.empty() && TextWords::is_blank(text.front())) text.remove_prefix(1);
+    while (!text.empty() && TextWords::is_blank(text.back())) text.remove_suffix(1);
+    return text;
+}
+
+/// Letters of ASCII only, whatever the locale.
+inline std::string lower_case(std::string_view text) {
+    std::string lower(text);
+    for (char& c : lower)
+        if (c >= 'A' && c <= 'Z') c = char(c + ('a' - 'A'));
+    return lower;
+}
 
 }  // namespace strata
