@@ -6,7 +6,7 @@
 #include <string_view>
 #include <utility>
 
-#include "core/surface/field_rays.h"
+#include "core/surface/field_surface.h"
 #include "render/image.h"
 #include "render/point_color.h"
 
@@ -45,14 +45,13 @@ private:
     std::array<Rgba8, 1024> table_;
 };
 
-/// An isosurface as a scene has it, drawn from the field itself: another isovalue costs nothing. The field must outlive it.
+/// An isosurface as a scene has it, drawn from the field itself. The field must outlive it.
 struct IsosurfaceModel {
-    IsosurfaceModel(const FieldBricks& drawn, const IsoLevel& shown, IsosurfaceColors painted)
-        : field(&drawn), level(shown), bounds(surface_bounds(drawn, shown)), colors(std::move(painted)) {}
+    IsosurfaceModel(const FieldBricks& field, const IsoLevel& level, IsosurfaceColors painted, int threads = 1)
+        : surface(field, level, threads), bounds(surface_bounds(surface)), colors(std::move(painted)) {}
 
-    const FieldBricks* field;
-    IsoLevel level;
-    Box3d bounds;  // of the bricks that it passes through; world
+    FieldSurface surface;
+    Box3d bounds;  // of the cells that it passes through; world
     IsosurfaceColors colors;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 
 #include "core/error.h"
 #include "render/point_color.h"
@@ -14,7 +15,6 @@ constexpr size_t kSamplePoints = 50'000;
 constexpr size_t kSampleNodes = 4096;
 constexpr size_t kSampleCells = 20'000;
 constexpr size_t kSampleTriangles = 50'000;  // of a mesh, beside its outermost corners
-constexpr size_t kSampleBricks = 20'000;
 constexpr double kViewMargin = 0.03;  // of the picture, at each side
 constexpr double kStrayShare = 1e-3;  // of the points may be strays at each end of an axis
 
@@ -97,16 +97,15 @@ void add_sample(const TriangleMesh& mesh, std::vector<Vec3d>& points) {
     for (const size_t vertex : outermost) points.push_back(mesh.positions[vertex]);
 }
 
-// Corners of the cells that an isosurface passes through, brick by brick.
-void add_sample(const IsosurfaceModel& model, std::vector<Vec3d>& points) {
-    const FieldBricks& field = *model.field;
-    const std::vector<std::array<int32_t, 3>> bricks = crossed_bricks(field, model.level);
-    const size_t step = bricks.size() / kSampleBricks + 1;
-    for (size_t n = 0; n < bricks.size(); n += step) {
-        const Box3d cells = crossed_cells(field, model.level, bricks[n]);
-        if (cells.empty()) continue;
-        for (int corner = 0; corner < 8; ++corner)
-            points.push_back(field.placement().world_from_index({(corner & 1 ? cells.max : cells.min).x(), (corner & 2 ? cells.max : cells.min).y(), (corner & 4 ? cells.max : cells.min).z()}));
+// Corners of cells, which a box bounds, as coarse ones reach beyond it. placed: from voxels to the world
+void add_sample(const VoxelTree& tree, const Box3d& bounds, const std::function<Vec3d(const Vec3d&)>& placed, std::vector<Vec3d>& points) {
+    const CellList sample = coarse_cells(tree, kSampleCells);
+    for (const auto& cell : sample.cells) {
+        const Box3d box = cell_box({.levels = tree.frame.levels}, sample.depth, cell);
+        for (int corner = 0; corner < 8; ++corner) {
+            const Vec3d p((corner & 1 ? box.max : box.min).x(), (corner & 2 ? box.max : box.min).y(), (corner & 4 ? box.max : box.min).z());
+            points.push_back(placed(p).cwiseMax(bounds.min).cwiseMin(bounds.max));
+        }
     }
 }
 
@@ -115,18 +114,11 @@ void add_sample(const IsosurfaceModel& model, std::vector<Vec3d>& points) {
 std::vector<Vec3d> sample_positions(const Scene& scene) {
     std::vector<Vec3d> points;
     if (scene.cloud != nullptr) points = sample_positions(*scene.cloud);
-    for (const VoxelModel& model : scene.voxels) {
-        const CellList sample = coarse_cells(*model.tree, kSampleCells);
-        for (const auto& cell : sample.cells) {
-            const Box3d box = cell_box(model.tree->frame, sample.depth, cell);
-            for (int corner = 0; corner < 8; ++corner) {
-                const Vec3d p((corner & 1 ? box.max : box.min).x(), (corner & 2 ? box.max : box.min).y(), (corner & 4 ? box.max : box.min).z());
-                points.push_back(p.cwiseMax(model.bounds.min).cwiseMin(model.bounds.max));  // coarse cells reach beyond
-            }
-        }
-    }
+    for (const VoxelModel& model : scene.voxels)
+        add_sample(*model.tree, model.bounds, [&](const Vec3d& p) { return model.tree->frame.world_from_voxel(p); }, points);
     for (const MeshModel& model : scene.meshes) add_sample(*model.mesh, points);
-    for (const IsosurfaceModel& model : scene.isosurfaces) add_sample(model, points);
+    for (const IsosurfaceModel& model : scene.isosurfaces)
+        add_sample(model.surface.cells, model.bounds, [&](const Vec3d& p) { return model.surface.field->placement().world_from_index(p); }, points);
     return points;
 }
 

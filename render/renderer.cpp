@@ -450,8 +450,11 @@ RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, co
         used_bytes += mesh_model_bytes(*model.mesh, model.style.shading).kept;
         most_vertices = std::max<uint64_t>(most_vertices, model.mesh->positions.size());
     }
-    for (size_t i = 0; i < scene.isosurfaces.size(); ++i)
-        if (i == 0 || scene.isosurfaces[i].field != scene.isosurfaces[i - 1].field) used_bytes += scene.isosurfaces[i].field->size_bytes();
+    for (size_t i = 0; i < scene.isosurfaces.size(); ++i) {
+        const FieldSurface& surface = scene.isosurfaces[i].surface;
+        if (i == 0 || surface.field != scene.isosurfaces[i - 1].surface.field) used_bytes += surface.field->size_bytes();
+        used_bytes += size_bytes(surface.cells);
+    }
     if (!scene.meshes.empty()) used_bytes += MeshPass::working_bytes(most_vertices, strip_pixels);
     ChosenPoints chosen;
     if (scene.cloud != nullptr) chosen = choose_points(frame, *scene.cloud, used_bytes);

@@ -343,7 +343,7 @@ void choose_colors(const Options& options, const SceneFiles& files, RenderReques
                 if (!refused) refused = error;
                 colors.emplace(*field.field, "", number, settings.range, settings.colormap);
             }
-            request.scene.isosurfaces.emplace_back(*field.field, level, std::move(*colors));
+            request.scene.isosurfaces.emplace_back(*field.field, level, std::move(*colors), settings.threads);
         }
     if (!taken && refused) throw *refused;
     request.color_name = files.cloud ? settings.color.name : !request.scene.voxels.empty() ? request.scene.voxels[0].colors.name() : !request.scene.meshes.empty() ? request.scene.meshes[0].colors.name() : request.scene.isosurfaces[0].colors.name();

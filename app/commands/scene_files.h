@@ -6,7 +6,7 @@
 
 #include "app/options.h"
 #include "core/octree/layered_cloud.h"
-#include "core/surface/field_rays.h"
+#include "core/surface/field_surface.h"
 #include "core/surface/triangle_mesh.h"
 #include "core/voxel/voxel_tree.h"
 

@@ -21,8 +21,7 @@ Box3d box_of_samples(const GridPlacement& placement, const Vec3d& least, const V
 }  // namespace
 
 void FieldBricks::allow(uint64_t bricks, uint64_t stored, uint64_t memory_bytes) const {
-    const uint64_t needed = bricks * (sizeof(uint32_t) + sizeof(float) + sizeof(FieldRange)) +
-                            stored * (kFieldBrickSamples * sizeof(float) + 8 * sizeof(FieldRange));
+    const uint64_t needed = bricks * (sizeof(uint32_t) + sizeof(float) + sizeof(FieldRange)) + stored * kFieldBrickSamples * sizeof(float);
     if (needed > memory_bytes)
         throw Error(ErrorKind::limit,
                     "the field needs " + std::to_string(needed) + " bytes of memory, " + std::to_string(memory_bytes) + " are allowed");
@@ -30,72 +29,53 @@ void FieldBricks::allow(uint64_t bricks, uint64_t stored, uint64_t memory_bytes)
 
 uint64_t FieldBricks::size_bytes() const {
     return numbers_.size() * sizeof(uint32_t) + (values_.size() + absent_.size()) * sizeof(float) +
-           (octant_ranges_.size() + ranges_.size() + wide_ranges_.size()) * sizeof(FieldRange);
+           ranges_.size() * sizeof(FieldRange);
 }
 
-std::array<float, 8> FieldBricks::corners(const std::array<int32_t, 3>& cell) const {
-    const auto [i, j, k] = cell;
-    if ((i & 7) < 7 && (j & 7) < 7 && (k & 7) < 7) {
-        const uint32_t number = numbers_[brick_index(i >> 3, j >> 3, k >> 3)];
-        if (number != kNone) {
-            const float* const at = values_.data() + size_t{number} * kFieldBrickSamples + ((k & 7) << 6 | (j & 7) << 3 | (i & 7));
-            return {at[0], at[1], at[8], at[9], at[64], at[65], at[72], at[73]};
-        }
-    }
-    std::array<float, 8> values;
-    for (int corner = 0; corner < 8; ++corner) values[size_t(corner)] = sample(i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2));
-    return values;
-}
-
-// The samples of a brick's cells: its own and the first of the bricks above.
-void FieldBricks::copy_with_rim(int32_t bi, int32_t bj, int32_t bk, std::span<float, 729> out) const {
-    const float* const own = values_.data() + size_t{numbers_[brick_index(bi, bj, bk)]} * kFieldBrickSamples;
+void FieldBricks::copy_with_rim(const std::array<int32_t, 3>& brick, size_t row, std::span<float> out) const {
+    std::array<BrickSamples, 8> bricks;  // 1 for the upper i, 2 for j, 4 for k
+    for (int32_t n = 0; n < 8; ++n) bricks[size_t(n)] = brick_at(brick[0] + (n & 1), brick[1] + (n >> 1 & 1), brick[2] + (n >> 2));
     float* to = out.data();
-    for (int z = 0; z < 9; ++z)
-        for (int y = 0; y < 9; ++y, to += 9) {
-            const int copied = z < 8 && y < 8 ? 8 : 0;
-            if (copied > 0) std::copy_n(own + (z << 6 | y << 3), 8, to);
-            for (int x = copied; x < 9; ++x) to[x] = sample(8 * bi + x, 8 * bj + y, 8 * bk + z);
+    for (size_t z = 0; z < 9; ++z)
+        for (size_t y = 0; y < 9; ++y, to += row) {
+            const size_t place = (z & 7) << 6 | (y & 7) << 3;
+            const BrickSamples &own = bricks[z >> 3 << 2 | y >> 3 << 1], &next = bricks[z >> 3 << 2 | y >> 3 << 1 | 1];
+            if (own.stored != nullptr) std::copy_n(own.stored + place, 8, to);
+            else std::fill_n(to, 8, own.value);
+            to[8] = next.stored != nullptr ? next.stored[place] : next.value;
         }
 }
 
 void FieldBricks::find_ranges(int threads) {
     ranges_.assign(numbers_.size(), {});
-    octant_ranges_.assign(values_.size() / kFieldBrickSamples * 8, {});
-    const auto find_range = [&](int32_t i, int32_t j, int32_t k) {
-        FieldRange& range = ranges_[brick_index(i, j, k)];
-        const uint32_t number = numbers_[brick_index(i, j, k)];
-        if (number == kNone) {
-            // Its own value, and the first samples of the bricks above.
-            range.add(sample(8 * i, 8 * j, 8 * k));
-            for (int z = 0; z < 9; ++z)
-                for (int y = 0; y < 9; ++y)
-                    for (int x = z == 8 || y == 8 ? 0 : 8; x < 9; ++x) range.add(sample(8 * i + x, 8 * j + y, 8 * k + z));
-            return;
+    const auto find_range = [&](const std::array<int32_t, 3>& brick) {
+        FieldRange& range = ranges_[brick_index(brick[0], brick[1], brick[2])];
+        bool stored = false;
+        for (int32_t n = 0; n < 8; ++n) {
+            const BrickSamples part = brick_at(brick[0] + (n & 1), brick[1] + (n >> 1 & 1), brick[2] + (n >> 2));
+            stored |= part.stored != nullptr;
+            if (part.stored == nullptr) range.add(part.value);
         }
+        if (!stored) return;
+        range = {};
         std::array<float, 729> samples;
-        copy_with_rim(i, j, k, samples);
-        for (int octant = 0; octant < 8; ++octant) {
-            FieldRange& of_octant = octant_ranges_[8 * size_t{number} + size_t(octant)];
-            const float* const first = samples.data() + 4 * (octant & 1) + 36 * (octant >> 1 & 1) + 324 * (octant >> 2);
-            for (int z = 0; z < 5; ++z)
-                for (int y = 0; y < 5; ++y)
-                    for (int x = 0; x < 5; ++x) of_octant.add(first[81 * z + 9 * y + x]);
-            range.add(of_octant);
-        }
+        copy_with_rim(brick, 9, samples);
+        // Nine side by side.
+        std::array<float, 9> least, greatest;
+        least.fill(range.least);
+        greatest.fill(range.greatest);
+        for (const float* row = samples.data(); row < samples.data() + samples.size(); row += 9)
+            for (size_t x = 0; x < 9; ++x) {
+                least[x] = row[x] < least[x] ? row[x] : least[x];
+                greatest[x] = row[x] > greatest[x] ? row[x] : greatest[x];
+            }
+        for (size_t x = 0; x < 9; ++x) range.add(FieldRange{least[x], greatest[x]});
     };
     parallel_blocks(threads, size_t(bricks_[1]) * size_t(bricks_[2]), 1, [&](size_t begin, size_t end) {
         for (size_t row = begin; row < end; ++row)
-            for (int32_t i = 0; i < bricks_[0]; ++i) find_range(i, int32_t(row % size_t(bricks_[1])), int32_t(row / size_t(bricks_[1])));
+            for (int32_t i = 0; i < bricks_[0]; ++i) find_range({i, int32_t(row % size_t(bricks_[1])), int32_t(row / size_t(bricks_[1]))});
     });
-    wide_ranges_.assign(size_t(wide(0)) * size_t(wide(1)) * size_t(wide(2)), {});
-    for (int32_t k = 0; k < bricks_[2]; ++k)
-        for (int32_t j = 0; j < bricks_[1]; ++j)
-            for (int32_t i = 0; i < bricks_[0]; ++i) {
-                const FieldRange& range = ranges_[brick_index(i, j, k)];
-                wide_ranges_[(size_t(k / 8) * size_t(wide(1)) + size_t(j / 8)) * size_t(wide(0)) + size_t(i / 8)].add(range);
-                range_.add(range);
-            }
+    for (const FieldRange& range : ranges_) range_.add(range);
 }
 
 FieldBricks FieldBricks::of_slices(SliceSource& source, uint64_t memory_bytes, int threads) {

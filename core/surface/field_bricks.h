@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <span>
@@ -11,29 +12,26 @@
 
 namespace strata {
 
-/// The least and the greatest of some values, and whether some are missing; of none: least > greatest.
+/// The least and the greatest of some values that are not missing; of none: least > greatest.
 struct FieldRange {
     float least = std::numeric_limits<float>::infinity(), greatest = -std::numeric_limits<float>::infinity();
-    bool has_missing = false;  // NaN
 
     void add(float value) {
         if (value < least) least = value;
         if (value > greatest) greatest = value;
-        has_missing |= value != value;
     }
     void add(const FieldRange& other) {
         if (other.least < least) least = other.least;
         if (other.greatest > greatest) greatest = other.greatest;
-        has_missing |= other.has_missing;
     }
 };
 
-/// A scalar field in memory, made for looking at any of its isosurfaces: bricks of 8^3 samples, and which values lie in cubes of 4^3,
-/// 8^3 and 64^3 cells. A cell is the cube between 8 samples, known by the least; its coordinates here count from 0.
+/// A scalar field in memory, made for looking at any of its isosurfaces: bricks of 8^3 samples, and which values lie in each. A cell is the
+/// cube between 8 samples, known by the least; its coordinates here count from 0.
 class FieldBricks {
 public:
     /// throws  Error{limit}: more memory than allowed is needed; what the source throws
-    /// cost    4 bytes a sample, 96 a brick that is stored and 20 a brick
+    /// cost    4 bytes a sample and 16 a brick
     static FieldBricks of_slices(SliceSource& source, uint64_t memory_bytes, int threads);
     /// Empty where there are no bricks.
     static FieldBricks of_bricks(FieldBrickSource& source, uint64_t memory_bytes, int threads);
@@ -50,28 +48,37 @@ public:
 
     /// A sample; NaN beyond the field, and in a sparse one away from its bricks, where no surface can be.
     float sample(int32_t i, int32_t j, int32_t k) const {
-        if ((uint32_t(i) >> 3) >= uint32_t(bricks_[0]) || (uint32_t(j) >> 3) >= uint32_t(bricks_[1]) ||
-            (uint32_t(k) >> 3) >= uint32_t(bricks_[2]))
-            return std::numeric_limits<float>::quiet_NaN();
-        const size_t index = brick_index(i >> 3, j >> 3, k >> 3);
-        const uint32_t number = numbers_[index];
-        return number == kNone ? absent_[index]
-                               : values_[size_t{number} * kFieldBrickSamples + size_t((k & 7) << 6 | (j & 7) << 3 | (i & 7))];
+        const BrickSamples brick = brick_at(i >> 3, j >> 3, k >> 3);
+        return brick.stored == nullptr ? brick.value : brick.stored[place_in_brick(i, j, k)];
     }
-    /// The corners of a cell, i fastest, then j.
-    std::array<float, 8> corners(const std::array<int32_t, 3>& cell) const;
+    /// The corners of a cell, i fastest, then j. The cell must not be the last of an axis: above that nothing is.
+    std::array<float, 8> corners(const std::array<int32_t, 3>& cell) const {
+        const auto [i, j, k] = cell;
+        const size_t index = brick_index(i >> 3, j >> 3, k >> 3);
+        if ((i & 7) < 7 && (j & 7) < 7 && (k & 7) < 7 && numbers_[index] != kNone) {
+            const float* const at = values_.data() + size_t{numbers_[index]} * kFieldBrickSamples + place_in_brick(i, j, k);
+            return {at[0], at[1], at[8], at[9], at[64], at[65], at[72], at[73]};
+        }
+        const size_t next[3] = {size_t(i & 7) / 7, size_t(j & 7) / 7 * size_t(bricks_[0]), size_t(k & 7) / 7 * size_t(bricks_[0]) * size_t(bricks_[1])};
+        std::array<float, 8> values;
+        for (int n = 0; n < 8; ++n) {
+            const size_t brick = index + (n & 1 ? next[0] : 0) + (n & 2 ? next[1] : 0) + (n & 4 ? next[2] : 0);
+            const uint32_t number = numbers_[brick];
+            values[size_t(n)] = number == kNone ? absent_[brick]
+                                                : values_[size_t{number} * kFieldBrickSamples + place_in_brick(i + (n & 1), j + (n >> 1 & 1), k + (n >> 2))];
+        }
+        return values;
+    }
+    /// side^3 samples from one on, i fastest, then j. NaN as sample() has it.
+    template <int side>
+    std::array<float, size_t(side) * side * side> cube(const std::array<int32_t, 3>& first) const;
+
+    /// The samples of a brick's cells, 9^3: its own and the first of the bricks above.
+    /// row  floats from one row along i to the next; planes are 9 of them
+    void copy_with_rim(const std::array<int32_t, 3>& brick, size_t row, std::span<float> out) const;
 
     /// Values of the samples of the cells in a brick.
     const FieldRange& range_of(int32_t bi, int32_t bj, int32_t bk) const { return ranges_[brick_index(bi, bj, bk)]; }
-    /// Likewise of 4^3 cells of a brick, by the octant: 1 for the upper i, 2 for j, 4 for k.
-    const FieldRange& octant_range_of(int32_t bi, int32_t bj, int32_t bk, int octant) const {
-        const size_t index = brick_index(bi, bj, bk);
-        return numbers_[index] == kNone ? ranges_[index] : octant_ranges_[8 * size_t{numbers_[index]} + size_t(octant)];
-    }
-    /// Likewise of 8^3 bricks.
-    const FieldRange& wide_range_of(int32_t wi, int32_t wj, int32_t wk) const {
-        return wide_ranges_[(size_t(wk) * size_t(wide(1)) + size_t(wj)) * size_t(wide(0)) + size_t(wi)];
-    }
 
 private:
     static constexpr uint32_t kNone = ~uint32_t{0};
@@ -79,8 +86,20 @@ private:
     size_t brick_index(int32_t bi, int32_t bj, int32_t bk) const {
         return (size_t(bk) * size_t(bricks_[1]) + size_t(bj)) * size_t(bricks_[0]) + size_t(bi);
     }
-    int32_t wide(size_t axis) const { return (bricks_[axis] + 7) / 8; }
-    void copy_with_rim(int32_t bi, int32_t bj, int32_t bk, std::span<float, 729> out) const;
+    static size_t place_in_brick(int32_t i, int32_t j, int32_t k) { return size_t((k & 7) << 6 | (j & 7) << 3 | (i & 7)); }
+    // Of all of a brick.
+    struct BrickSamples {
+        const float* stored;  // null: they are all one value
+        float value;
+    };
+    BrickSamples brick_at(int32_t bi, int32_t bj, int32_t bk) const {
+        if (uint32_t(bi) >= uint32_t(bricks_[0]) || uint32_t(bj) >= uint32_t(bricks_[1]) || uint32_t(bk) >= uint32_t(bricks_[2]))
+            return {nullptr, std::numeric_limits<float>::quiet_NaN()};
+        const size_t index = brick_index(bi, bj, bk);
+        const uint32_t number = numbers_[index];
+        if (number == kNone) return {nullptr, absent_[index]};
+        return {values_.data() + size_t{number} * kFieldBrickSamples, 0.0f};
+    }
     void find_ranges(int threads);
     void allow(uint64_t bricks, uint64_t stored, uint64_t memory_bytes) const;
 
@@ -89,10 +108,35 @@ private:
     std::vector<uint32_t> numbers_;          // [bricks] of the stored brick there
     std::vector<float> values_;              // [stored bricks * 512] i fastest, then j
     std::vector<float> absent_;              // [bricks] of a sparse field: the value of those that are not stored
-    std::vector<FieldRange> octant_ranges_;  // [stored bricks * 8]
-    std::vector<FieldRange> ranges_, wide_ranges_;
+    std::vector<FieldRange> ranges_;         // [bricks]
     FieldRange range_;
     Box3d bounds_;
 };
+
+template <int side>
+std::array<float, size_t(side) * side * side> FieldBricks::cube(const std::array<int32_t, 3>& first) const {
+    static_assert(side <= 8);
+    // At most two bricks an axis.
+    std::array<BrickSamples, 8> bricks;
+    std::array<int32_t, 3> least, crossed;  // of the bricks; whether there are two
+    for (size_t axis = 0; axis < 3; ++axis) {
+        least[axis] = first[axis] >> 3;
+        crossed[axis] = ((first[axis] + side - 1) >> 3) - least[axis];
+    }
+    for (int32_t z = 0; z <= crossed[2]; ++z)
+        for (int32_t y = 0; y <= crossed[1]; ++y)
+            for (int32_t x = 0; x <= crossed[0]; ++x) bricks[size_t(z << 2 | y << 1 | x)] = brick_at(least[0] + x, least[1] + y, least[2] + z);
+    std::array<float, size_t(side) * side * side> out;
+    float* to = out.data();
+    for (int32_t k = first[2]; k < first[2] + side; ++k)
+        for (int32_t j = first[1]; j < first[1] + side; ++j) {
+            const size_t row = size_t(((k >> 3) - least[2]) << 2 | ((j >> 3) - least[1]) << 1);
+            for (int32_t i = first[0]; i < first[0] + side; ++i) {
+                const BrickSamples& brick = bricks[row | size_t((i >> 3) - least[0])];
+                *to++ = brick.stored == nullptr ? brick.value : brick.stored[place_in_brick(i, j, k)];
+            }
+        }
+    return out;
+}
 
 }  // namespace strata

@@ -2,188 +2,213 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <cassert>
 #include <cmath>
-#include <optional>
 
+#include "core/simd_target.h"
 #include "core/surface/field_slope.h"
 #include "core/surface/trilinear_root.h"
+#include "core/voxel/ray_group.h"
 #include "core/voxel/ray_walk.h"
 
 namespace strata {
 namespace {
 
-// What a walk through cells asks: what may be skipped, and where the surface is.
-class SurfaceLook {
+class CellNodes {
 public:
-    SurfaceLook(const FieldBricks& field, const IsoLevel& level, const FieldRay& ray, int levels)
-        : field_(field),
-          ray_(ray),
-          sign_(level.inside == ContourInside::above ? 1.0 : -1.0),
-          threshold_(sign_ * level.isovalue),
-          levels_(levels) {}
+    explicit CellNodes(const VoxelTree& tree) : tree_(tree) {}
 
-    int levels() const { return levels_; }
-    void restart(const RayWalk&, double, NodePath&) const {}
-
-    // returns  s where the ray may skip the cube of 2^s cells around, -1 where it meets the surface: `hit`
-    int look(const RayWalk& walk, double t, NodePath& path, FieldHit& hit) {
-        const auto [i, j, k] = path.voxel;
-        const std::array<int32_t, 3>& bricks = field_.bricks();
-        if (i >= 8 * bricks[0] || j >= 8 * bricks[1] || k >= 8 * bricks[2]) return pass(3, Side::unknown, t / walk.t_scale, path, hit);
-        const Side wide = side_of(field_.wide_range_of(i >> 6, j >> 6, k >> 6));
-        if (wide != Side::both) return pass(6, wide, t / walk.t_scale, path, hit);
-        const Side brick = side_of(field_.range_of(i >> 3, j >> 3, k >> 3));
-        if (brick != Side::both) return pass(3, brick, t / walk.t_scale, path, hit);
-        const Side octant = side_of(field_.octant_range_of(i >> 3, j >> 3, k >> 3, (i >> 2 & 1) | (j >> 1 & 2) | (k & 4)));
-        if (octant != Side::both) return pass(2, octant, t / walk.t_scale, path, hit);
-        const std::array<float, 8> corners = field_.corners(path.voxel);
-        unsigned inside = 0;
-        bool missing = false;
-        std::array<double, 8> values;
-        for (size_t n = 0; n < 8; ++n) {
-            values[n] = sign_ * double(corners[n]) - threshold_;
-            inside |= unsigned(values[n] >= 0.0) << n;
-            missing |= std::isnan(corners[n]);
-        }
-        if (missing || inside == 0 || inside == 255)
-            return pass(0, missing ? Side::unknown : inside == 0 ? Side::outside : Side::inside, t / walk.t_scale, path, hit);
-        // From where it comes into the cell, or starts in it, to where it leaves it.
-        double end = walk.most_t;
-        for (int a = 0; a < 3; ++a) end = std::min(end, walk.plane_t(a, path.voxel[size_t(a)] + (walk.forward[a] ? 1 : 0)));
-        const double length = std::max(end - t, 0.0);
-        const double from_t = t / walk.t_scale, whole_t = length / walk.t_scale;
-        Vec3d from;
-        for (int a = 0; a < 3; ++a) from[a] = std::clamp(ray_.origin[a] + from_t * ray_.direction[a] - path.voxel[size_t(a)], 0.0, 1.0);
-        const LineCubic cubic = trilinear_on_line(values, from, whole_t * ray_.direction);
-        const bool starts_inside = cubic(0.0) >= 0.0;
-        const Side side = starts_inside ? Side::inside : Side::outside, before = side_ == Side::unknown ? side : side_;
-        const std::optional<double> s = before == side ? first_crossing(cubic) : 0.0;
-        if (!s) {
-            side_ = side;
-            return 0;
-        }
-        hit = {from_t + *s * whole_t, path.voxel, before == Side::inside};
-        return -1;
+    int levels() const { return int(tree_.levels.size()); }
+    uint64_t mask(int level, uint32_t node) const { return tree_.levels[size_t(level)].masks[node]; }
+    uint64_t full_mask(int, uint32_t) const { return 0; }
+    uint32_t child(int level, uint32_t node, int bit) const {
+        const VoxelLevel& here = tree_.levels[size_t(level)];
+        return here.first_child[node] + uint32_t(std::popcount(here.masks[node] & ((uint64_t{1} << bit) - 1)));
     }
 
 private:
-    enum class Side { unknown, outside, inside, both };
+    const VoxelTree& tree_;
+};
 
-    // Where all values of a range are; unknown: no surface is between them, but some are missing, and a cell beside one that is tells the
-    // next one nothing.
-    Side side_of(const FieldRange& range) const {
-        if (range.least > range.greatest) return Side::unknown;
-        const double low = sign_ > 0.0 ? range.least : -range.greatest, high = sign_ > 0.0 ? range.greatest : -range.least;
-        if (low < threshold_ && high >= threshold_) return Side::both;
-        return range.has_missing ? Side::unknown : low >= threshold_ ? Side::inside : Side::outside;
+// What a walk asks: what may be skipped, and where the surface is in a cell that it passes through.
+class SurfaceLook {
+public:
+    using Hit = FieldHit;
+
+    SurfaceLook(const FieldSurface& surface, const CellNodes& nodes)
+        : nodes_(nodes),
+          field_(*surface.field),
+          sign_(surface.level.inside == ContourInside::above ? 1.0 : -1.0),
+          threshold_(sign_ * surface.level.isovalue),
+          levels_(nodes.levels()) {}
+
+    int levels() const { return levels_; }
+    void begin(const FieldRay& ray) { ray_ = ray; }
+    void restart(const RayWalk& walk, double, NodePath&) {
+        side_ = Side::unknown;
+        scale_ = 1.0 / walk.t_scale;
     }
-    // Through cells on one side; where the ray came from the other, the surface lies on the face between.
-    int pass(int shift, Side side, double t, const NodePath& path, FieldHit& hit) {
-        if (side != Side::unknown && side_ != Side::unknown && side != side_) {
-            hit = {t, path.voxel, side_ == Side::inside};
-            return -1;
+
+    // Goes from cell to cell as long as the surface passes through them: t and path are where the ray then is.
+    // returns  s where the ray may skip the cube of 2^s cells around, -1 where it meets the surface, or ends: `hit`
+    int look(const RayWalk& walk, double& t, NodePath& path, FieldHit& hit) {
+        const auto& ahead = kCellsAhead[0][size_t((walk.forward[0] & 4) | (walk.forward[1] & 2) | (walk.forward[2] & 1))];
+        for (;;) {
+            const int level = path.level;
+            const uint32_t node = path.nodes[size_t(level)];
+            const uint64_t mask = nodes_.mask(level, node);
+            const int shift = 2 * (levels_ - 1 - level);
+            const int bit = bit_of(path.voxel, shift);
+            if ((mask >> bit & 1) == 0) {
+                side_ = Side::unknown;
+                return (mask & ahead[size_t(bit)]) == 0 ? shift + 2 : (mask >> (bit & 56) & 255) != 0 ? shift : shift + 1;
+            }
+            if (level + 1 < levels_) {
+                path.nodes[size_t(level) + 1] = nodes_.child(level, node, bit);
+                path.level = level + 1;
+                continue;
+            }
+            const RayEvent out = exit(walk, path.voxel);
+            if (meets(walk, t, out, path.voxel, hit)) return -1;
+            int32_t& place = path.voxel[size_t(out.axis)];
+            const int32_t next = place + (walk.forward[out.axis] ? 1 : -1);
+            const auto changed = uint32_t(place ^ next);
+            if (!(out.t <= walk.most_t) || changed >= walk.side) {
+                hit.t = RayWalk::kInfinity;
+                return -1;
+            }
+            place = next;
+            path.turn(levels_, changed);
+            t = out.t;
+        }
+    }
+
+private:
+    enum class Side { unknown, outside, inside };
+
+    // Of the corners of a face, where they agree.
+    static Side side_of_face(const std::array<double, 8>& values, int axis, bool high) {
+        constexpr size_t kSteps[] = {1, 2, 4};
+        const size_t first = high ? kSteps[axis] : 0, one = kSteps[(axis + 1) % 3], other = kSteps[(axis + 2) % 3];
+        const int inside = (values[first] >= 0.0) + (values[first + one] >= 0.0) + (values[first + other] >= 0.0) + (values[first + one + other] >= 0.0);
+        return inside == 0 ? Side::outside : inside == 4 ? Side::inside : Side::unknown;
+    }
+
+    // Where a ray leaves a cell: as walk_to_hit has it.
+    static RayEvent exit(const RayWalk& walk, const std::array<int32_t, 3>& cell) {
+        RayEvent out = {RayWalk::kInfinity, 0};
+        for (int a = 0; a < 3; ++a) {
+            const double plane_t = walk.plane_t(a, cell[size_t(a)] + (walk.forward[a] & 1));
+            if (plane_t < out.t) out = {plane_t, a};
+        }
+        return out;
+    }
+
+    // Whether the ray meets the surface in a cell that it comes into, or starts in, at t; also true, with an infinite t, where it does so
+    // beyond its end.
+    bool meets(const RayWalk& walk, double t, const RayEvent& out, const std::array<int32_t, 3>& cell, FieldHit& hit) {
+        const std::array<float, 8> corners = field_.corners(cell);
+        std::array<double, 8> values;
+        for (size_t n = 0; n < 8; ++n) values[n] = sign_ * double(corners[n]) - threshold_;
+        // From where it comes into the cell to where it leaves it.
+        const double from_t = t * scale_, whole_t = std::max(out.t - t, 0.0) * scale_;
+        Vec3d from;
+        for (int a = 0; a < 3; ++a) from[a] = std::clamp(ray_.origin[a] + from_t * ray_.direction[a] - cell[size_t(a)], 0.0, 1.0);
+        const LineCubic cubic = trilinear_on_line(values, from, whole_t * ray_.direction);
+        const Side side = cubic.c[0] >= 0.0 ? Side::inside : Side::outside;
+        Side before = side_;
+        if (before == Side::unknown) {
+            const RayEvent in = walk.entry({uint32_t(cell[0]), uint32_t(cell[1]), uint32_t(cell[2])}, 0);
+            if (in.t >= walk.start_t) before = side_of_face(values, in.axis, walk.forward[in.axis] == 0);
+            if (before == Side::unknown) before = side;
+        }
+        std::optional<double> s = before == side ? first_crossing(cubic) : 0.0;
+        if (!s) {
+            const Side face = side_of_face(values, out.axis, walk.forward[out.axis] != 0);
+            if (face != Side::unknown && face != side) s = 1.0;
         }
         side_ = side;
-        return shift;
+        if (!s) return false;
+        hit = {from_t + *s * whole_t, cell, before == Side::inside};
+        if (!(hit.t * walk.t_scale <= walk.most_t)) hit.t = RayWalk::kInfinity;
+        return true;
     }
 
+    const CellNodes& nodes_;
     const FieldBricks& field_;
-    const FieldRay& ray_;
     double sign_, threshold_;  // inside is where sign * value >= threshold
     int levels_;
-    Side side_ = Side::unknown;  // of the end of the cell before
+    FieldRay ray_;
+    double scale_ = 1.0;         // t of the caller = t of the walk * scale
+    Side side_ = Side::unknown;  // where the ray ended in the cell before, if the surface passes through that
 };
+
+void cast(const FieldSurface& surface, const FieldRay& ray, const RayLimits& limits, FieldHit& hit) {
+    RayWalk walk;
+    WalkStart start;
+    if (!prepare_walk(surface.cells.frame, ray, limits, walk) || !enter_cube(walk, 3, 0, start)) return;
+    const CellNodes nodes(surface.cells);
+    NodePath path;
+    SurfaceLook look(surface, nodes);
+    look.begin(ray);
+    if (!walk_to_hit(look, walk, start, path, hit)) hit = {};
+}
+
+void cast(const FieldSurface& surface, const VoxelTile& tile, const RayLimits& limits, std::span<FieldHit> hits) {
+    const CellNodes nodes(surface.cells);
+    GroupCaster<CellNodes, SurfaceLook> caster(nodes, surface.cells.frame, limits, SurfaceLook(surface, nodes));
+    caster.cast_tile(tile, hits);
+}
+
+// For each instruction set. The arithmetic is the same, and so are the hits.
+STRATA_KERNEL_BASELINE void ray_baseline(const FieldSurface& surface, const FieldRay& ray, const RayLimits& limits, FieldHit& hit) {
+    cast(surface, ray, limits, hit);
+}
+STRATA_KERNEL_AVX2 void ray_avx2(const FieldSurface& surface, const FieldRay& ray, const RayLimits& limits, FieldHit& hit) {
+    cast(surface, ray, limits, hit);
+}
+STRATA_KERNEL_BASELINE void tile_baseline(const FieldSurface& surface, const VoxelTile& tile, const RayLimits& limits, std::span<FieldHit> hits) {
+    cast(surface, tile, limits, hits);
+}
+STRATA_KERNEL_AVX2 void tile_avx2(const FieldSurface& surface, const VoxelTile& tile, const RayLimits& limits, std::span<FieldHit> hits) {
+    cast(surface, tile, limits, hits);
+}
 
 }  // namespace
 
-std::vector<std::array<int32_t, 3>> crossed_bricks(const FieldBricks& field, const IsoLevel& level) {
-    std::vector<std::array<int32_t, 3>> crossed;
-    const auto [ni, nj, nk] = field.bricks();
-    for (int32_t k = 0; k < nk; ++k)
-        for (int32_t j = 0; j < nj; ++j)
-            for (int32_t i = 0; i < ni; ++i) {
-                const FieldRange& range = field.range_of(i, j, k);
-                if (level.inside == ContourInside::above ? range.least < level.isovalue && range.greatest >= level.isovalue
-                                                         : range.least <= level.isovalue && range.greatest > level.isovalue)
-                    crossed.push_back({i, j, k});
-            }
-    return crossed;
-}
-
-Box3d crossed_cells(const FieldBricks& field, const IsoLevel& level, const std::array<int32_t, 3>& brick) {
-    Box3d box;
-    for (int32_t n = 0; n < kFieldBrickSamples; ++n) {
-        const std::array<int32_t, 3> cell = {8 * brick[0] + (n & 7), 8 * brick[1] + (n >> 3 & 7), 8 * brick[2] + (n >> 6)};
-        int inside = 0;
-        bool missing = false;
-        for (const float value : field.corners(cell)) {
-            inside += level.inside == ContourInside::above ? value >= level.isovalue : value <= level.isovalue;
-            missing |= std::isnan(value);
-        }
-        if (missing || inside == 0 || inside == 8) continue;
-        box.extend(Vec3d(cell[0], cell[1], cell[2]));
-        box.extend(Vec3d(cell[0] + 1, cell[1] + 1, cell[2] + 1));
-    }
-    return box;
-}
-
-Box3d surface_bounds(const FieldBricks& field, const IsoLevel& level) {
-    Box3d box;
-    for (const auto& [i, j, k] : crossed_bricks(field, level))
-        for (int corner = 0; corner < 8; ++corner)
-            box.extend(field.placement().world_from_index(8.0 * Vec3d(i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2))));
-    if (box.empty()) return box;
-    // The last bricks may reach beyond the samples.
-    return {.min = box.min.cwiseMax(field.bounds().min), .max = box.max.cwiseMin(field.bounds().max)};
-}
-
-std::optional<FieldHit> cast_ray(const FieldBricks& field, const IsoLevel& level, const FieldRay& ray, double least_t, double most_t) {
-    if (field.empty()) return std::nullopt;
-    // The part of it in the box of cells: beyond is nothing, and the cube that is walked may be much larger.
-    const std::array<int32_t, 3> cells = field.cells();
-    double from = least_t, to = most_t;
-    for (int a = 0; a < 3; ++a) {
-        const double inverse = 1.0 / ray.direction[a], low = -ray.origin[a] * inverse, high = (cells[size_t(a)] - ray.origin[a]) * inverse;
-        if (std::isnan(low) || std::isnan(high)) continue;
-        from = std::max(from, std::min(low, high));
-        to = std::min(to, std::max(low, high));
-    }
-    from -= 0x1p-40 * std::abs(from);
-    to += 0x1p-40 * std::abs(to);
-    if (!(from <= to)) return std::nullopt;
-    VoxelFrame frame;
-    while (int32_t(frame.side()) < std::max({cells[0], cells[1], cells[2]})) ++frame.levels;
-    RayWalk walk;
-    WalkStart start;
+std::optional<FieldHit> cast_ray(const FieldSurface& surface, const FieldRay& ray, double least_t, double most_t, SimdLevel level) {
+    if (surface.empty()) return std::nullopt;
+    const RayLimits limits = {.least_t = least_t, .most_t = most_t};
     FieldHit hit;
-    if (!prepare_walk(frame, {ray.origin, ray.direction}, {.least_t = std::max(from, least_t), .most_t = std::min(to, most_t)}, walk))
-        return std::nullopt;
-    if (!enter_cube(walk, 3, 0, start)) return std::nullopt;
-    NodePath path;
-    SurfaceLook look(field, level, ray, frame.levels);
-    if (!walk_to_hit(look, walk, start, path, hit)) return std::nullopt;
-    return hit;
+    level == SimdLevel::baseline ? ray_baseline(surface, ray, limits, hit) : ray_avx2(surface, ray, limits, hit);
+    return hit.t < RayWalk::kInfinity ? std::optional(hit) : std::nullopt;
 }
 
-Vec3f outward_normal(const FieldBricks& field, const IsoLevel& level, const FieldRay& ray, const FieldHit& hit) {
-    const auto [i, j, k] = hit.cell;
-    const auto slope = [&](int32_t x, int32_t y, int32_t z, int axis) {
-        const auto at = [&](int32_t away) {
-            return double(field.sample(x + (axis == 0 ? away : 0), y + (axis == 1 ? away : 0), z + (axis == 2 ? away : 0)));
-        };
-        return slope_between(at(-1), at(0), at(1));
-    };
+void cast_tile(const FieldSurface& surface, const VoxelTile& tile, double least_t, double most_t, std::span<FieldHit> hits, SimdLevel level) {
+    assert(hits.size() == size_t(tile.width) * size_t(tile.height));
+    if (surface.empty()) return std::fill(hits.begin(), hits.end(), FieldHit{});
+    const RayLimits limits = {.least_t = least_t, .most_t = most_t};
+    level == SimdLevel::baseline ? tile_baseline(surface, tile, limits, hits) : tile_avx2(surface, tile, limits, hits);
+}
+
+FieldNormals::FieldNormals(const FieldSurface& surface)
+    : field_(*surface.field),
+      outward_from_gradient_((surface.level.inside == ContourInside::above ? -1.0 : 1.0) * field_.placement().axes.transpose().inverse()) {}
+
+Vec3f FieldNormals::outward(const FieldRay& ray, const FieldHit& hit) const {
+    const std::array<float, 64> around = field_.cube<4>({hit.cell[0] - 1, hit.cell[1] - 1, hit.cell[2] - 1});
     const Vec3d place = ray.origin + hit.t * ray.direction;
     Vec3d part;
     for (int a = 0; a < 3; ++a) part[a] = std::clamp(place[a] - hit.cell[size_t(a)], 0.0, 1.0);
     Vec3d gradient = Vec3d::Zero();
-    for (int corner = 0; corner < 8; ++corner) {
-        const int x = corner & 1, y = corner >> 1 & 1, z = corner >> 2;
+    constexpr size_t kStep[] = {1, 4, 16};
+    for (size_t corner = 0; corner < 8; ++corner) {
+        const size_t x = corner & 1, y = corner >> 1 & 1, z = corner >> 2, here = (z + 1) * 16 + (y + 1) * 4 + x + 1;
         const double weight = (x ? part[0] : 1.0 - part[0]) * (y ? part[1] : 1.0 - part[1]) * (z ? part[2] : 1.0 - part[2]);
-        for (int axis = 0; axis < 3; ++axis) gradient[axis] += weight * slope(i + x, j + y, k + z, axis);
+        for (size_t axis = 0; axis < 3; ++axis)
+            gradient[int(axis)] += weight * slope_between(double(around[here - kStep[axis]]), double(around[here]), double(around[here + kStep[axis]]));
     }
-    const double outwards = level.inside == ContourInside::above ? -1.0 : 1.0;
-    return unit_normal(outwards * (field.placement().axes.transpose().inverse() * gradient));
+    return unit_normal(outward_from_gradient_ * gradient);
 }
 
 }  // namespace strata

@@ -57,7 +57,7 @@ bool cast_at(SimdLevel level, const Tree& tree, const VoxelRay& ray, const RayLi
 template <class Tree, class Cast>
 void cast_groups(const Tree& tree, const RayLimits& limits, const Cast& cast) {
     const NodesOf nodes(tree);
-    GroupCaster<NodesOf<Tree>> caster(nodes, tree.frame, limits);
+    GroupCaster<NodesOf<Tree>> caster(nodes, tree.frame, limits, VoxelLook(nodes, tree.frame, limits));
     cast(caster);
 }
 template <class Tree, class Cast>

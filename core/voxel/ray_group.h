@@ -14,23 +14,26 @@ inline constexpr int kGroupSide = 4, kBlockSide = 16;  // pixels
 inline constexpr size_t kGroupRays = kGroupSide * kGroupSide;
 
 /// Casts rays in groups, which share the part of their way that is surely empty.
-template <class Nodes>
+/// Look  says what there is where a ray is: VoxelLook, or one like it
+template <class Nodes, class Look = VoxelLook<Nodes>>
 class GroupCaster {
 public:
-    GroupCaster(const Nodes& nodes, const VoxelFrame& frame, const RayLimits& limits)
-        : nodes_(nodes), frame_(frame), limits_(limits), look_(nodes, frame, limits) {}
+    using Hit = typename Look::Hit;
 
-    void cast_span(std::span<const VoxelRay> rays, std::span<VoxelHit> hits) {
+    GroupCaster(const Nodes& nodes, const VoxelFrame& frame, const RayLimits& limits, const Look& look)
+        : nodes_(nodes), frame_(frame), limits_(limits), look_(look) {}
+
+    void cast_span(std::span<const VoxelRay> rays, std::span<Hit> hits) {
         for (size_t i = 0; i < rays.size(); i += kGroupRays) {
             const size_t count = std::min(kGroupRays, rays.size() - i);
             cast_group(rays.subspan(i, count), {}, hits.subspan(i, count));
         }
     }
 
-    void cast_tile(const VoxelTile& tile, std::span<VoxelHit> hits) {
+    void cast_tile(const VoxelTile& tile, std::span<Hit> hits) {
         std::array<VoxelRay, kGroupRays> rays;
-        std::array<VoxelHit, kGroupRays> found;
-        const auto hit_at = [&](int x, int y) -> VoxelHit& { return hits[size_t(y) * size_t(tile.width) + size_t(x)]; };
+        std::array<Hit, kGroupRays> found;
+        const auto hit_at = [&](int x, int y) -> Hit& { return hits[size_t(y) * size_t(tile.width) + size_t(x)]; };
         for_blocks(0, 0, tile.width, tile.height, kBlockSide, [&](int bx0, int by0, int bx1, int by1) {
             Empty empty;
             RayBeam beam;
@@ -73,12 +76,12 @@ private:
     }
 
     // At most kGroupRays.
-    void cast_group(std::span<const VoxelRay> rays, Empty empty, std::span<VoxelHit> hits) {
+    void cast_group(std::span<const VoxelRay> rays, Empty empty, std::span<Hit> hits) {
         size_t count = 0;
         for (size_t i = 0; i < rays.size(); ++i) {
             hits[i] = {};
             if (!prepare_walk(frame_, rays[i], limits_, walks_[count])) continue;
-            hits_[count++] = &hits[i];
+            numbers_[count++] = i;
         }
         if (count == 0) return;
         const int32_t side = int32_t(frame_.side());
@@ -92,17 +95,20 @@ private:
         }
         const int32_t plane = empty.forward ? empty.until : side - empty.until;
         WalkStart start;
-        for (size_t i = 0; i < count; ++i)
-            if (enter_cube(walks_[i], empty.axis, plane, start)) walk_to_hit(look_, walks_[i], start, path_, *hits_[i]);
+        for (size_t i = 0; i < count; ++i) {
+            if (!enter_cube(walks_[i], empty.axis, plane, start)) continue;
+            look_.begin(rays[numbers_[i]]);
+            walk_to_hit(look_, walks_[i], start, path_, hits[numbers_[i]]);
+        }
     }
 
     const Nodes& nodes_;
     const VoxelFrame& frame_;
     const RayLimits& limits_;
-    VoxelLook<Nodes> look_;
+    Look look_;
     NodePath path_;  // of the last ray: the next is near it
     std::array<RayWalk, kGroupRays> walks_;
-    std::array<VoxelHit*, kGroupRays> hits_;
+    std::array<size_t, kGroupRays> numbers_;  // of the rays that walk
 };
 
 }  // namespace strata

@@ -205,6 +205,8 @@ struct NodePath {
 template <class Nodes>
 class VoxelLook {
 public:
+    using Hit = VoxelHit;
+
     VoxelLook(const Nodes& nodes, const VoxelFrame& frame, const RayLimits& limits)
         : nodes_(nodes),
           levels_(frame.levels),
@@ -214,6 +216,9 @@ public:
           ahead_(kCellsAhead[most_depth_ % 2 != 0 || pixels_stop_]) {}
 
     int levels() const { return levels_; }
+
+    /// Before the walk of a ray.
+    void begin(const VoxelRay&) const {}
 
     /// Back to a node of which no cell above may stop this ray: the path may be another's.
     /// t  of the event by which the ray comes to the path's voxel

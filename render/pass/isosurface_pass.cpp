@@ -6,9 +6,11 @@
 #include <vector>
 
 #include "core/parallel.h"
+#include "core/surface/field_rays.h"
 #include "render/pass/mesh_projection.h"
 #include "render/pass/voxel_clip.h"
 #include "render/pass/voxel_light.h"
+#include "render/pass/voxel_rays.h"
 
 namespace strata {
 namespace {
@@ -17,22 +19,6 @@ constexpr uint32_t kTile = 32;  // pixels
 
 struct Tile {
     uint32_t left, top, right, bottom;
-};
-
-// The rays of a picture's pixels: in samples of the field, and in the world for clip boxes.
-struct PictureRays {
-    PictureRays(const FieldBricks& field, const IsosurfaceView& view)
-        : projection(view.camera, view.width_px, view.height_px, view.offset_px),
-          index_from_world(field.placement().axes.inverse()),
-          eye_index(index_from_world * (view.camera.eye - field.placement().origin)) {}
-
-    FieldRay field_ray(const MeshProjection::Ray& ray) const {
-        return {eye_index + index_from_world * ray.origin, index_from_world * ray.direction};
-    }
-
-    MeshProjection projection;
-    Mat3d index_from_world;
-    Vec3d eye_index;
 };
 
 std::vector<Tile> tiles_of(const GBuffer& out) {
@@ -54,46 +40,109 @@ Vec3f towards_eye(const Vec3f& normal, const Vec3f& direction) {
     return length > 0.0f ? Vec3f(across / length) : Vec3f(-direction);
 }
 
+// Draws one tile after another. One a thread.
+class TileDrawer {
+public:
+    TileDrawer(const IsosurfaceModel& model, uint32_t drawable, const IsosurfaceView& view, const VoxelRays& rays, const VoxelClip& clip)
+        : model_(model),
+          drawable_(drawable),
+          view_(view),
+          rays_(rays),
+          clip_(clip),
+          normals_(model.surface),
+          projection_(view.camera, view.width_px, view.height_px, view.offset_px),
+          sky_(sky_of(view.up)) {}
+
+    /// returns  whether any pixel shows the surface
+    bool draw(const Tile& tile, GBuffer& out) {
+        const int width = int(tile.right - tile.left), height = int(tile.bottom - tile.top);
+        const VoxelTile rays = rays_.tile(tile.left, tile.top, width, height);
+        cast(tile, rays, out);
+        bool drawn = false;
+        size_t number = 0;
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x) {
+                const FieldHit& hit = hits_[number++];
+                const size_t pixel = pixel_of(tile, x, y, out);
+                if (!(float(hit.t) < out.depths[pixel])) continue;
+                shade(rays.ray(x, y), world_ray(tile, x, y), hit, pixel, out);
+                drawn = true;
+            }
+        return drawn;
+    }
+
+private:
+    static size_t pixel_of(const Tile& tile, int x, int y, const GBuffer& out) {
+        return size_t(tile.top - out.first_row + uint32_t(y)) * out.width + tile.left + size_t(x);
+    }
+    // From the eye.
+    MeshProjection::Ray world_ray(const Tile& tile, int x, int y) const { return projection_.ray(tile.left + x + 0.5, tile.top + y + 0.5); }
+
+    // Fills hits_.
+    void cast(const Tile& tile, const VoxelTile& rays, const GBuffer& out) {
+        hits_.assign(size_t(rays.width) * size_t(rays.height), {});
+        const double near = view_.camera.near_depth;
+        if (clip_.everything()) {
+            float farthest = 0.0f;
+            for (int y = 0; y < rays.height; ++y) {
+                const float* const depths = out.depths.data() + pixel_of(tile, 0, y, out);
+                farthest = std::max(farthest, *std::max_element(depths, depths + rays.width));
+            }
+            return cast_tile(model_.surface, rays, near, double(farthest), hits_);
+        }
+        for (int y = 0; y < rays.height; ++y)
+            for (int x = 0; x < rays.width; ++x) {
+                const MeshProjection::Ray ray = world_ray(tile, x, y);
+                clip_.spans({ray.origin, ray.direction}, near, double(out.depths[pixel_of(tile, x, y, out)]), spans_);
+                for (const RaySpan& span : spans_)
+                    if (const std::optional<FieldHit> hit = cast_ray(model_.surface, rays.ray(x, y), span.from, span.to)) {
+                        hits_[size_t(y) * size_t(rays.width) + size_t(x)] = *hit;
+                        break;
+                    }
+            }
+    }
+
+    void shade(const FieldRay& field_ray, const MeshProjection::Ray& ray, const FieldHit& hit, size_t pixel, GBuffer& out) const {
+        Vec3f normal = normals_.outward(field_ray, hit);
+        const Vec3f direction = ray.direction.normalized().cast<float>();
+        if (normal.isZero()) normal = -direction;
+        if (hit.from_inside) normal = -normal;
+        normal = towards_eye(normal, direction);
+        const Rgba8 color = model_.colors.color(view_.camera.eye.z() + ray.origin.z() + hit.t * ray.direction.z(), normal);
+        out.colors[pixel] = model_.colors.rule() == IsosurfaceColors::Rule::normal ? color : lit(color, sky_.light(normal));
+        out.depths[pixel] = float(hit.t);
+        if (!out.splat_px.empty()) out.splat_px[pixel] = 1;
+        if (!out.ids.empty()) out.ids[pixel] = isosurface_id(hit.cell, drawable_);
+    }
+
+    const IsosurfaceModel& model_;
+    uint32_t drawable_;
+    const IsosurfaceView& view_;
+    const VoxelRays& rays_;
+    const VoxelClip& clip_;
+    FieldNormals normals_;
+    MeshProjection projection_;
+    Sky sky_;
+    std::vector<FieldHit> hits_;
+    std::vector<RaySpan> spans_;
+};
+
 }  // namespace
 
 bool draw_isosurface(const IsosurfaceModel& model, uint32_t drawable, const IsosurfaceView& view, GBuffer& out) {
-    const FieldBricks& field = *model.field;
-    if (field.empty()) return false;
-    const PictureRays rays(field, view);
+    if (model.surface.empty()) return false;
+    const GridPlacement& placement = model.surface.field->placement();
+    const VoxelRays rays(view.camera, placement.origin, placement.axes.inverse(), view.width_px, view.height_px, view.offset_px);
     // Clip boxes in units of the world, from the eye.
     VoxelFrame from_eye;
     from_eye.origin = view.camera.eye;
     const VoxelClip clip(view.clips, from_eye);
-    const Sky sky = sky_of(view.up);
     const std::vector<Tile> tiles = tiles_of(out);
     std::atomic<bool> any = false;
     parallel_blocks(view.threads, tiles.size(), 4, [&](size_t begin, size_t end) {
-        std::vector<RaySpan> spans;
+        TileDrawer drawer(model, drawable, view, rays, clip);
         bool drawn = false;
-        for (size_t n = begin; n < end; ++n)
-            for (uint32_t y = tiles[n].top; y < tiles[n].bottom; ++y)
-                for (uint32_t x = tiles[n].left; x < tiles[n].right; ++x) {
-                    const size_t pixel = size_t(y - out.first_row) * out.width + x;
-                    const MeshProjection::Ray ray = rays.projection.ray(x + 0.5, y + 0.5);
-                    const FieldRay field_ray = rays.field_ray(ray);
-                    const double near = view.camera.near_depth, far = double(out.depths[pixel]);
-                    clip.spans({ray.origin, ray.direction}, near, far, spans);
-                    std::optional<FieldHit> hit;
-                    for (const RaySpan& span : spans)
-                        if ((hit = cast_ray(field, model.level, field_ray, span.from, span.to))) break;
-                    if (!hit || !(float(hit->t) < out.depths[pixel])) continue;
-                    Vec3f normal = outward_normal(field, model.level, field_ray, *hit);
-                    const Vec3f direction = ray.direction.normalized().cast<float>();
-                    if (normal.isZero()) normal = -direction;
-                    if (hit->from_inside) normal = -normal;
-                    normal = towards_eye(normal, direction);
-                    const Rgba8 color = model.colors.color(view.camera.eye.z() + ray.origin.z() + hit->t * ray.direction.z(), normal);
-                    out.colors[pixel] = model.colors.rule() == IsosurfaceColors::Rule::normal ? color : lit(color, sky.light(normal));
-                    out.depths[pixel] = float(hit->t);
-                    if (!out.splat_px.empty()) out.splat_px[pixel] = 1;
-                    if (!out.ids.empty()) out.ids[pixel] = isosurface_id(hit->cell, drawable);
-                    drawn = true;
-                }
+        for (size_t n = begin; n < end; ++n) drawn |= drawer.draw(tiles[n], out);
         if (drawn) any = true;
     });
     return any;

@@ -24,17 +24,28 @@ void round_together(Vec3d& first, Vec3d& per_x, Vec3d& per_y, double pixels) {
 VoxelRays::VoxelRays(const Camera& camera, const VoxelFrame& frame, uint32_t width_px, uint32_t height_px, const Vec2f& offset_px)
     : near_depth_(camera.near_depth) {
     const double unit = 1.0 / (pixels_per_unit(camera, 1.0, height_px) * frame.voxel_size);  // voxels a pixel, at depth 1 in perspective
-    const Vec3d right = unit * camera.right(), down = -unit * camera.up(), forward = camera.forward() / frame.voxel_size;
+    (camera.projection == Projection::perspective ? spread_ : footprint_) = unit;
+    set_picture(camera, frame.voxel_from_world(camera.eye), unit * camera.right(), -unit * camera.up(), camera.forward() / frame.voxel_size, width_px,
+                height_px, offset_px);
+}
+
+VoxelRays::VoxelRays(const Camera& camera, const Vec3d& origin, const Mat3d& units_from_world, uint32_t width_px, uint32_t height_px,
+                     const Vec2f& offset_px)
+    : near_depth_(camera.near_depth) {
+    const Mat3d pixels = units_from_world / pixels_per_unit(camera, 1.0, height_px);
+    set_picture(camera, units_from_world * (camera.eye - origin), pixels * camera.right(), -(pixels * camera.up()), units_from_world * camera.forward(),
+                width_px, height_px, offset_px);
+}
+
+void VoxelRays::set_picture(const Camera& camera, const Vec3d& eye, const Vec3d& right, const Vec3d& down, const Vec3d& forward, uint32_t width_px,
+                            uint32_t height_px, const Vec2f& offset_px) {
     const double first_x = 0.5 + double(offset_px.x()) - 0.5 * width_px, first_y = 0.5 + double(offset_px.y()) - 0.5 * height_px;
-    const Vec3d eye = frame.voxel_from_world(camera.eye);
     VoxelRay& first = picture_.first;
     if (camera.projection == Projection::perspective) {
-        spread_ = unit;
         first = {eye, forward + first_x * right + first_y * down};
         picture_.direction_per_x = right;
         picture_.direction_per_y = down;
     } else {
-        footprint_ = unit;
         first = {eye + first_x * right + first_y * down, forward};
         picture_.origin_per_x = right;
         picture_.origin_per_y = down;

@@ -103,22 +103,24 @@ TEST(FieldRays, ASphereIsWhereItIs) {
         const double sign = inside == ContourInside::below ? 1.0 : -1.0;
         const FieldBricks field =
             dense({42, 45, 39}, [&](int i, int j, int k) { return sign * ((Vec3d(i, j, k) - middle).norm() - radius); });
+        const FieldSurface surface(field, {0.0, inside}, 2);
+        const FieldNormals normals(surface);
         Random random(3);
         for (int round = 0; round < 20'000; ++round) {
             const Vec3d direction = random_direction(random),
                         aside = random_direction(random).cross(direction).normalized() * random.uniform(0, 14.5);
             const FieldRay ray = {middle + aside - 60 * direction, direction};
             const double half = std::sqrt(radius * radius - aside.squaredNorm());
-            const auto hit = cast_ray(field, {0.0, inside}, ray);
+            const auto hit = cast_ray(surface, ray);
             ASSERT_TRUE(hit) << round;
             EXPECT_FALSE(hit->from_inside);
             const Vec3d place = ray.origin + hit->t * ray.direction;
             EXPECT_NEAR((place - middle).norm(), radius, 3.0 / (8.0 * radius)) << round;
             EXPECT_NEAR(hit->t, 60 - half, 3.0 / (8.0 * radius) * radius / half + 1e-9);
-            const Vec3f normal = outward_normal(field, {0.0, inside}, ray, *hit);
+            const Vec3f normal = normals.outward(ray, *hit);
             EXPECT_GT(normal.cast<double>().dot((place - middle).normalized()), std::cos(0.01));
             // From the middle it is left.
-            const auto out = cast_ray(field, {0.0, inside}, {middle, direction});
+            const auto out = cast_ray(surface, {middle, direction});
             ASSERT_TRUE(out);
             EXPECT_TRUE(out->from_inside);
             EXPECT_NEAR(out->t, radius, 3.0 / (8.0 * radius));
@@ -140,11 +142,12 @@ TEST(FieldRays, AgreeWithSmallSteps) {
                 if (random.uniform() < 0.02) value = std::nanf("");
         const FieldBricks field = dense({12, 11, 13}, [&](int i, int j, int k) { return double(values[size_t((k * 11 + j) * 12 + i)]); });
         const IsoLevel level = {round % 2 == 0 ? 0.0 : 0.7, round % 4 < 2 ? ContourInside::above : ContourInside::below};
+        const FieldSurface surface(field, level);
         for (int n = 0; n < 80; ++n) {
             FieldRay ray = {Vec3d(random.uniform(-3, 15), random.uniform(-3, 14), random.uniform(-3, 16)), random_direction(random)};
             if (n % 10 == 0) ray.direction = Vec3d::Unit(n / 10 % 3);
             if (n % 20 == 0) ray.origin = Vec3d(std::floor(ray.origin[0]), std::floor(ray.origin[1]), std::floor(ray.origin[2]) + 0.5);
-            const auto hit = cast_ray(field, level, ray);
+            const auto hit = cast_ray(surface, ray);
             const double sign = level.inside == ContourInside::above ? 1.0 : -1.0;
             const auto value = [&](double t) { return sign * (interpolated(field, ray.origin + t * ray.direction) - level.isovalue); };
             const double end = hit ? hit->t - 1e-7 : 20.0;
@@ -175,7 +178,7 @@ TEST(FieldRays, MissingSlicesHaveNoSurface) {
                 return k < first ? 1.0 : k < first + count ? std::nan("") : 0.0;
             });
             for (const double sign : {-1.0, 1.0})
-                EXPECT_FALSE(cast_ray(field, {0.5}, {Vec3d(4.3, 3.6, 20 - 30 * sign), Vec3d(0, 0, sign)}))
+                EXPECT_FALSE(cast_ray({field, {0.5}}, {Vec3d(4.3, 3.6, 20 - 30 * sign), Vec3d(0, 0, sign)}))
                     << first << ' ' << count << ' ' << sign;
         }
 }
@@ -183,6 +186,7 @@ TEST(FieldRays, MissingSlicesHaveNoSurface) {
 // A plane through samples, seen along diagonals through edges and corners of cells: no ray slips through.
 TEST(FieldRays, NoRaySlipsThroughEdges) {
     const FieldBricks field = dense({34, 34, 34}, [](int i, int j, int k) { return double(i + j + k - 48); });
+    const FieldSurface surface(field, {});
     for (int a = 0; a < 33; ++a)
         for (int b = 0; b < 33; ++b)
             for (const Vec3d& direction : {Vec3d(1, 1, 1), Vec3d(1, 1, 0), Vec3d(0, 0, 1), Vec3d(1, 2, 1)}) {
@@ -190,7 +194,7 @@ TEST(FieldRays, NoRaySlipsThroughEdges) {
                 const double t = (48 - ray.origin.sum()) / direction.sum();
                 const Vec3d place = ray.origin + t * direction;
                 if (place.minCoeff() < 1 || place.maxCoeff() > 32) continue;
-                const auto hit = cast_ray(field, {}, ray);
+                const auto hit = cast_ray(surface, ray);
                 ASSERT_TRUE(hit) << ray.origin.transpose() << " along " << direction.transpose();
                 EXPECT_NEAR(hit->t, t, 1e-9);
             }
@@ -214,12 +218,13 @@ TEST(FieldRays, SparseFieldsAreDenseOnes) {
     const FieldBricks whole = dense(
         {64, 56, 64}, [&](int i, int j, int k) { return distance(i - 32, j - 16, k); }, placement);
     EXPECT_LT(sparse.size_bytes(), whole.size_bytes() * 3 / 4);
+    const FieldSurface sparse_surface(sparse, {0.0, ContourInside::below}), whole_surface(whole, {0.0, ContourInside::below});
     Random random(5);
     size_t hits = 0;
     for (int round = 0; round < 5000; ++round) {
         const Vec3d from = middle + 40 * random_direction(random), direction = random_direction(random);
-        const auto a = cast_ray(sparse, {0.0, ContourInside::below}, {from - sparse.placement().origin, direction});
-        const auto b = cast_ray(whole, {0.0, ContourInside::below}, {from - whole.placement().origin, direction});
+        const auto a = cast_ray(sparse_surface, {from - sparse.placement().origin, direction});
+        const auto b = cast_ray(whole_surface, {from - whole.placement().origin, direction});
         ASSERT_EQ(a.has_value(), b.has_value()) << round;
         if (!a) continue;
         EXPECT_NEAR(a->t, b->t, 1e-9);
@@ -228,7 +233,7 @@ TEST(FieldRays, SparseFieldsAreDenseOnes) {
     EXPECT_GT(hits, 200u);
     FunctionBricks none(first, first, 3.0f, distance, near);
     EXPECT_TRUE(FieldBricks::of_bricks(none, kAmple, 2).empty());
-    EXPECT_FALSE(cast_ray(FieldBricks(), {}, {}));
+    EXPECT_FALSE(cast_ray({FieldBricks(), {}}, {}));
 }
 
 // A surface at the background's value next to a brick: the cells between belong to no brick.
@@ -241,21 +246,21 @@ TEST(FieldRays, TheBackgroundBoundsBricks) {
     for (int axis = 0; axis < 3; ++axis)
         for (const double sign : {-1.0, 1.0}) {
             const FieldRay ray = {Vec3d(3.5, 3.5, 3.5) + shift - 20 * sign * Vec3d::Unit(axis), sign * Vec3d::Unit(axis)};
-            const auto hit = cast_ray(field, {0.25}, ray);
+            const auto hit = cast_ray({field, {0.25}}, ray);
             ASSERT_TRUE(hit) << axis << sign;
             EXPECT_NEAR(hit->t, 20 - 3.5 - 0.75, 1e-6);  // a quarter from 0 at -1 to 1 at 0
         }
 }
 
 TEST(FieldRays, EmptyAndDegenerateFields) {
-    EXPECT_FALSE(cast_ray(dense({0, 4, 4}, [](int, int, int) { return 1.0; }), {}, {}));
-    EXPECT_FALSE(cast_ray(dense({1, 9, 9}, [](int, int j, int) { return j - 3.5; }), {}, {Vec3d(0, 0, 3.2), Vec3d::UnitY()}));
-    EXPECT_FALSE(cast_ray(dense({9, 9, 9}, [](int, int, int) { return std::nan(""); }), {}, {Vec3d(3, 3, -5), Vec3d::UnitZ()}));
-    EXPECT_FALSE(cast_ray(dense({9, 9, 9}, [](int, int, int) { return 5.0; }), {}, {Vec3d(3, 3, -5), Vec3d::UnitZ()}));
+    EXPECT_FALSE(cast_ray({dense({0, 4, 4}, [](int, int, int) { return 1.0; }), {}}, {}));
+    EXPECT_FALSE(cast_ray({dense({1, 9, 9}, [](int, int j, int) { return j - 3.5; }), {}}, {Vec3d(0, 0, 3.2), Vec3d::UnitY()}));
+    EXPECT_FALSE(cast_ray({dense({9, 9, 9}, [](int, int, int) { return std::nan(""); }), {}}, {Vec3d(3, 3, -5), Vec3d::UnitZ()}));
+    EXPECT_FALSE(cast_ray({dense({9, 9, 9}, [](int, int, int) { return 5.0; }), {}}, {Vec3d(3, 3, -5), Vec3d::UnitZ()}));
     // Values that floats and squares of them can just hold.
     for (const double scale : {1e38, 1e-38, 1e-44}) {
         const FieldBricks field = dense({9, 9, 9}, [&](int, int, int k) { return scale * (k - 4); });
-        const auto hit = cast_ray(field, {}, {Vec3d(3.3, 3.4, -5), Vec3d::UnitZ()});
+        const auto hit = cast_ray({field, {}}, {Vec3d(3.3, 3.4, -5), Vec3d::UnitZ()});
         ASSERT_TRUE(hit) << scale;
         EXPECT_NEAR(hit->t, 9.0, 1e-6);
     }

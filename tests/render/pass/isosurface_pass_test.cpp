@@ -185,16 +185,16 @@ TEST(IsosurfacePass, NearerPixelsStayAndBoxesCut) {
     EXPECT_FALSE(draw_isosurface(model_of(field), 2, view_of(camera, clips), none));
 }
 
-TEST(IsosurfaceModel, BoundsAreThoseOfItsBricks) {
+TEST(IsosurfaceModel, BoundsAreThoseOfItsCells) {
     const FieldBricks field = sphere_field();
     const Box3d box = model_of(field).bounds;
     for (int axis = 0; axis < 3; ++axis) {
         EXPECT_LE(box.min[axis], kMiddle[axis] - kRadius);
-        EXPECT_GT(box.min[axis], kMiddle[axis] - kRadius - 9);
+        EXPECT_GT(box.min[axis], kMiddle[axis] - kRadius - 1.01);
         EXPECT_GE(box.max[axis], kMiddle[axis] + kRadius);
-        EXPECT_LT(box.max[axis], kMiddle[axis] + kRadius + 9);
+        EXPECT_LT(box.max[axis], kMiddle[axis] + kRadius + 1.01);
     }
-    EXPECT_TRUE(surface_bounds(field, {1e9, ContourInside::below}).empty());
+    EXPECT_TRUE(surface_bounds({field, {1e9, ContourInside::below}}).empty());
 }
 
 }  // namespace
