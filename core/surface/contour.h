@@ -28,6 +28,7 @@ struct ContourSettings {
     std::vector<std::array<uint8_t, 4>> colors;  // of the vertices of each isovalue; or empty
     int threads = 1;
     uint64_t memory_bytes = uint64_t{1} << 30;  // for slices, bricks and what is made of them
+    uint64_t memory_parts = 1;                  // memory_bytes is one of so many of what was given: errors speak of that
 };
 
 /// What was found on the way, of all isovalues together.
@@ -65,7 +66,8 @@ ContourReport contour_grid(const GridPlacement& placement, const std::array<uint
 
 /// The same of a field that may be larger than memory, piece by piece; vertices are shared between pieces, and the pieces together do not
 /// depend on the memory. The first isovalue is subtracted by the source before values are rounded.
-/// throws  as contour_grid, and what source and sink throw; Error{limit}: two slices and their surface do not fit in memory_bytes
+/// throws  as contour_grid, and what source and sink throw; Error{limit}: two slices, their masks and a row of the surface do not fit in
+///         memory_bytes
 ContourReport contour_slices(SliceSource& source, const ContourSettings& settings, SurfaceSink& sink);
 
 /// The same of a sparse field: only cells with a sample in a brick are visited. There is no boundary to close the surface at: it has one

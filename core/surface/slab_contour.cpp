@@ -71,6 +71,11 @@ inline void put_permuted(const std::array<uint32_t, 16>& ids, const std::array<u
 
 inline uint64_t next_bits(const uint64_t* row, size_t w) { return row[w] >> 1 | row[w + 1] << 63; }
 
+template <typename Kernel>
+Kernel* kernel_for(SimdLevel level, Kernel* baseline, Kernel* avx2, Kernel* avx512) {
+    return level == SimdLevel::avx512 ? avx512 : level == SimdLevel::avx2 ? avx2 : baseline;
+}
+
 }  // namespace
 
 // The loops over rows, compiled for each instruction set.
@@ -266,146 +271,195 @@ struct SlabKernel {
         return normal_of(slab, outward);
     }
 
+    using RowRange = std::array<int64_t, 2>;  // from the first to before the end
+
     template <bool kNormals>
-    static void emit_slice(SlabContour& slab, const SlabSamples& samples, int64_t slice, const ContourTarget& out, uint64_t first_vertex,
-                           CutStatistics& cuts) {
+    static void emit_slice(SlabContour& slab, const SlabSamples& samples, int64_t slice, size_t s, const RowRange& rows,
+                           const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
         const int64_t k = slab.slab_first_ + slice;
         const size_t words = slab.stride_ - 1, cells = cell_words(slab);
         const int64_t pad = slab.pad_;
-        for (size_t s = 0; s < slab.isovalues_.size(); ++s) {
-            const double isovalue = slab.isovalues_[s];
-            for (int64_t j = 0; j < slab.rows_; ++j) {
-                const uint64_t* const row = slab.mask(slice, s, j);
-                const uint64_t* const next = slab.mask(slice, s, j + 1 < slab.rows_ ? j + 1 : j);
-                const float* const here = samples_of(slab, samples, j, k);
-                const float* const there = samples_of(slab, samples, j + 1, k);
-                const Vec3d start = start_of(slab, j, k);
-                const SlabContour::SliceRow& numbers = slab.slice_rows_[slab.unit(slice, s) * size_t(slab.rows_) + size_t(j)];
-                uint64_t at = numbers.x - first_vertex;
-                for (size_t w = 0; w < cells; ++w) {
-                    uint64_t left = (row[w] ^ next_bits(row, w)) & (w + 1 == cells ? last_cells(slab) : ~uint64_t{0});
-                    for (; left != 0; left &= left - 1) {
-                        const int64_t i = int64_t(64 * w) + std::countr_zero(left);
-                        double t;
-                        if (pad == 1 && (i == 0 || i == slab.columns_ - 2)) t = i == 0 ? 1.0 - kLeastCut : kLeastCut;
-                        else t = cut_edge(here[i - pad], here[i + 1 - pad], isovalue, cuts);
-                        put(out.positions[at], start + (double(i) + t) * slab.axes_[0]);
-                        if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 0, t);
-                        ++at;
-                    }
+        const double isovalue = slab.isovalues_[s];
+        for (int64_t j = rows[0]; j < rows[1]; ++j) {
+            const uint64_t* const row = slab.mask(slice, s, j);
+            const uint64_t* const next = slab.mask(slice, s, j + 1 < slab.rows_ ? j + 1 : j);
+            const float* const here = samples_of(slab, samples, j, k);
+            const float* const there = samples_of(slab, samples, j + 1, k);
+            const Vec3d start = start_of(slab, j, k);
+            const SlabContour::SliceRow& numbers = slab.slice_rows_[slab.unit(slice, s) * size_t(slab.rows_) + size_t(j)];
+            uint64_t at = numbers.x - first_vertex;
+            for (size_t w = 0; w < cells; ++w) {
+                uint64_t left = (row[w] ^ next_bits(row, w)) & (w + 1 == cells ? last_cells(slab) : ~uint64_t{0});
+                for (; left != 0; left &= left - 1) {
+                    const int64_t i = int64_t(64 * w) + std::countr_zero(left);
+                    double t;
+                    if (pad == 1 && (i == 0 || i == slab.columns_ - 2)) t = i == 0 ? 1.0 - kLeastCut : kLeastCut;
+                    else t = cut_edge(here[i - pad], here[i + 1 - pad], isovalue, cuts);
+                    put(out.positions[at], start + (double(i) + t) * slab.axes_[0]);
+                    if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 0, t);
+                    ++at;
                 }
-                at = numbers.y - first_vertex;
-                for (size_t w = 0; w < words; ++w)
-                    for (uint64_t left = row[w] ^ next[w]; left != 0; left &= left - 1) {
-                        const int64_t i = int64_t(64 * w) + std::countr_zero(left);
-                        const double t = here == nullptr    ? 1.0 - kLeastCut
-                                         : there == nullptr ? kLeastCut
-                                                            : cut_edge(here[i - pad], there[i - pad], isovalue, cuts);
-                        put(out.positions[at], start + double(i) * slab.axes_[0] + t * slab.axes_[1]);
-                        if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 1, t);
-                        ++at;
-                    }
             }
+            at = numbers.y - first_vertex;
+            for (size_t w = 0; w < words; ++w)
+                for (uint64_t left = row[w] ^ next[w]; left != 0; left &= left - 1) {
+                    const int64_t i = int64_t(64 * w) + std::countr_zero(left);
+                    const double t = here == nullptr    ? 1.0 - kLeastCut
+                                     : there == nullptr ? kLeastCut
+                                                        : cut_edge(here[i - pad], there[i - pad], isovalue, cuts);
+                    put(out.positions[at], start + double(i) * slab.axes_[0] + t * slab.axes_[1]);
+                    if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 1, t);
+                    ++at;
+                }
         }
     }
 
     static void put(Vec3f& out, const Vec3d& position) { out = {float(position.x()), float(position.y()), float(position.z())}; }
 
-    template <bool kPermute, bool kNormals>
-    static void emit_layer(SlabContour& slab, const SlabSamples& samples, int64_t layer, const ContourTarget& out, uint64_t first_vertex,
-                           uint64_t first_triangle, CutStatistics& cuts) {
-        const CellCases& cases = CellCases::get();
-        const CellCases::Plain& plain = cases.plain(slab.mirrored_);
+    // Those along k.
+    template <bool kNormals>
+    static void emit_between(SlabContour& slab, const SlabSamples& samples, int64_t layer, size_t s, const RowRange& rows,
+                             const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
         const int64_t k = slab.slab_first_ + layer, pad = slab.pad_;
-        const size_t words = slab.stride_ - 1, cells = cell_words(slab);
-        const auto rows_per_unit = size_t(slab.rows_);
-        std::vector<uint64_t> active(cells);
-        for (size_t s = 0; s < slab.isovalues_.size(); ++s) {
-            const double isovalue = slab.isovalues_[s];
-            const SlabContour::Unit& unit = slab.layer_units_[slab.unit(layer, s)];
-            const SlabContour::LayerRow* const numbers = slab.layer_rows_.data() + slab.unit(layer, s) * rows_per_unit;
-            const SlabContour::SliceRow* const below = slab.slice_rows_.data() + slab.unit(layer, s) * rows_per_unit;
-            const SlabContour::SliceRow* const above = slab.slice_rows_.data() + slab.unit(layer + 1, s) * rows_per_unit;
-            for (int64_t j = 0; j < slab.rows_; ++j) {
-                const uint64_t *low = slab.mask(layer, s, j), *high = slab.mask(layer + 1, s, j);
-                const float* const here = samples_of(slab, samples, j, k);
-                const float* const there = samples_of(slab, samples, j, k + 1);
-                const Vec3d start = start_of(slab, j, k);
-                uint64_t at = numbers[j].z - first_vertex;
-                for (size_t w = 0; w < words; ++w)
-                    for (uint64_t left = low[w] ^ high[w]; left != 0; left &= left - 1) {
-                        const int64_t i = int64_t(64 * w) + std::countr_zero(left);
-                        const double t = here == nullptr    ? 1.0 - kLeastCut
-                                         : there == nullptr ? kLeastCut
-                                                            : cut_edge(here[i - pad], there[i - pad], isovalue, cuts);
-                        put(out.positions[at], start + double(i) * slab.axes_[0] + t * slab.axes_[2]);
-                        if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 2, t);
-                        ++at;
-                    }
-            }
-
-            uint32_t* const unit_triangles = out.triangles[unit.first_triangle - first_triangle].data();
-            uint32_t* const end = unit_triangles + 3 * unit.triangles;
-            alignas(64) std::array<uint32_t, CellPatch::kPlaces> ids = {};
-            for (int64_t j = 0; j + 1 < slab.rows_; ++j) {
-                const Rows rows = rows_of(slab, layer, s, j);
-                uint32_t* triangle = unit_triangles + 3 * size_t(numbers[j].triangles);
-                if (triangle == (j + 2 < slab.rows_ ? unit_triangles + 3 * size_t(numbers[j + 1].triangles) : end)) continue;
-                find_active(slab, rows, active.data());
-                uint32_t inner = numbers[j].inner;
-                U32x8 next = {below[j].x, below[j + 1].x, above[j].x,   above[j + 1].x,
-                              below[j].y, above[j].y,     numbers[j].z, numbers[j + 1].z};
-                for (size_t w = 0; w < cells; ++w)
-                    for (uint64_t left = active[w]; left != 0; left &= left - 1) {
-                        const size_t i = 64 * w + size_t(std::countr_zero(left));
-                        const unsigned cell_case = case_of(rows, i);
-                        U32x8 step;
-                        std::memcpy(&step, kSteps[cell_case].data(), sizeof step);
-                        std::memcpy(ids.data(), &next, sizeof next);
-                        next += step;
-                        std::memcpy(ids.data() + 8, &next, sizeof next);
-                        const unsigned count = plain.triangles[cell_case];
-                        if (count != CellCases::kUndecided) {
-                            const std::array<uint8_t, 16>& vertices = plain.vertices[cell_case];
-                            if (end - triangle >= 16) {
-                                if constexpr (kPermute) {
-                                    put_permuted(ids, vertices, triangle);
-                                } else {
-                                    for (size_t v = 0; v < 6; ++v) triangle[v] = ids[vertices[v]];
-                                    if (count > 2)
-                                        for (size_t v = 6; v < 15; ++v) triangle[v] = ids[vertices[v]];
-                                }
-                            } else {
-                                for (size_t v = 0; v < 3 * size_t(count); ++v) triangle[v] = ids[vertices[v]];
-                            }
-                            triangle += 3 * count;
-                            continue;
-                        }
-                        const CellValues values = values_of(slab, samples, isovalue, int64_t(i), j, k);
-                        const CellPatch& patch = *cases.decide(cell_case, values).patch;
-                        for (size_t n = 0; n < patch.inner; ++n) {
-                            const Vec3d p_cell = place_inner_vertex(values, patch.inner_edges[n]);
-                            const uint64_t at = inner - first_vertex;
-                            put(out.positions[at], start_of(slab, j, k) + (double(i) + p_cell.x()) * slab.axes_[0] +
-                                                       p_cell.y() * slab.axes_[1] + p_cell.z() * slab.axes_[2]);
-                            if constexpr (kNormals) out.normals[at] = normal_of(slab, -inside_slope(values, p_cell));
-                            ids[CellPatch::place_of_inner(n)] = inner++;
-                        }
-                        for (size_t t = 0; t < patch.triangles; ++t, triangle += 3)
-                            for (size_t v = 0; v < 3; ++v) triangle[v] = ids[patch.vertices[3 * t + (slab.mirrored_ ? 2 - v : v)]];
-                    }
-            }
+        const size_t words = slab.stride_ - 1;
+        const double isovalue = slab.isovalues_[s];
+        const SlabContour::LayerRow* const numbers = slab.layer_rows_.data() + slab.unit(layer, s) * size_t(slab.rows_);
+        for (int64_t j = rows[0]; j < rows[1]; ++j) {
+            const uint64_t *low = slab.mask(layer, s, j), *high = slab.mask(layer + 1, s, j);
+            const float* const here = samples_of(slab, samples, j, k);
+            const float* const there = samples_of(slab, samples, j, k + 1);
+            const Vec3d start = start_of(slab, j, k);
+            uint64_t at = numbers[j].z - first_vertex;
+            for (size_t w = 0; w < words; ++w)
+                for (uint64_t left = low[w] ^ high[w]; left != 0; left &= left - 1) {
+                    const int64_t i = int64_t(64 * w) + std::countr_zero(left);
+                    const double t = here == nullptr    ? 1.0 - kLeastCut
+                                     : there == nullptr ? kLeastCut
+                                                        : cut_edge(here[i - pad], there[i - pad], isovalue, cuts);
+                    put(out.positions[at], start + double(i) * slab.axes_[0] + t * slab.axes_[2]);
+                    if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 2, t);
+                    ++at;
+                }
         }
     }
 
-    // Normals are not worth a kernel of their own for each instruction set.
-    static void emit_slice_plainly(SlabContour& slab, const SlabSamples& samples, int64_t slice, const ContourTarget& out,
-                                   uint64_t first_vertex, CutStatistics& cuts) {
-        emit_slice<true>(slab, samples, slice, out, first_vertex, cuts);
+    template <bool kNormals>
+    static void put_inner(SlabContour& slab, const CellValues& values, const CellPatch& patch, const std::array<int64_t, 3>& cell,
+                          const ContourTarget& out, uint64_t at) {
+        for (size_t n = 0; n < patch.inner; ++n, ++at) {
+            const Vec3d p_cell = place_inner_vertex(values, patch.inner_edges[n]);
+            put(out.positions[at], start_of(slab, cell[1], cell[2]) + (double(cell[0]) + p_cell.x()) * slab.axes_[0] +
+                                       p_cell.y() * slab.axes_[1] + p_cell.z() * slab.axes_[2]);
+            if constexpr (kNormals) out.normals[at] = normal_of(slab, -inside_slope(values, p_cell));
+        }
     }
-    static void emit_layer_plainly(SlabContour& slab, const SlabSamples& samples, int64_t layer, const ContourTarget& out,
-                                   uint64_t first_vertex, uint64_t first_triangle, CutStatistics& cuts) {
-        emit_layer<false, true>(slab, samples, layer, out, first_vertex, first_triangle, cuts);
+
+    // Vertices within cells, where triangles are not wanted.
+    template <bool kNormals>
+    static void emit_inner(SlabContour& slab, const SlabSamples& samples, int64_t layer, size_t s, const RowRange& rows,
+                           const ContourTarget& out, uint64_t first_vertex) {
+        const int64_t k = slab.slab_first_ + layer;
+        const size_t cells = cell_words(slab);
+        const SlabContour::LayerRow* const numbers = slab.layer_rows_.data() + slab.unit(layer, s) * size_t(slab.rows_);
+        for (int64_t j = rows[0]; j < std::min(rows[1], slab.rows_ - 1); ++j) {
+            const Rows bits = rows_of(slab, layer, s, j);
+            uint64_t at = numbers[j].inner - first_vertex;
+            if (at + first_vertex == numbers[j + 1].z) continue;
+            for (size_t w = 0; w < cells; ++w)
+                for (uint64_t left = undecided(bits, w) & (w + 1 == cells ? last_cells(slab) : ~uint64_t{0}); left != 0; left &= left - 1) {
+                    const std::array<int64_t, 3> cell = {int64_t(64 * w) + std::countr_zero(left), j, k};
+                    const CellValues values = values_of(slab, samples, slab.isovalues_[s], cell[0], j, k);
+                    const CellPatch& patch = *CellCases::get().decide(case_of(bits, size_t(cell[0])), values).patch;
+                    put_inner<kNormals>(slab, values, patch, cell, out, at);
+                    at += patch.inner;
+                }
+        }
+    }
+
+    template <bool kPermute, bool kNormals>
+    static void emit_triangles(SlabContour& slab, const SlabSamples& samples, int64_t layer, size_t s, const RowRange& rows,
+                               const ContourTarget& out, uint64_t first_vertex, uint64_t first_triangle) {
+        const CellCases& cases = CellCases::get();
+        const CellCases::Plain& plain = cases.plain(slab.mirrored_);
+        const int64_t k = slab.slab_first_ + layer;
+        const size_t cells = cell_words(slab);
+        const auto rows_per_unit = size_t(slab.rows_);
+        std::vector<uint64_t> active(cells);
+        const double isovalue = slab.isovalues_[s];
+        const SlabContour::Unit& unit = slab.layer_units_[slab.unit(layer, s)];
+        const SlabContour::LayerRow* const numbers = slab.layer_rows_.data() + slab.unit(layer, s) * rows_per_unit;
+        const SlabContour::SliceRow* const below = slab.slice_rows_.data() + slab.unit(layer, s) * rows_per_unit;
+        const SlabContour::SliceRow* const above = slab.slice_rows_.data() + slab.unit(layer + 1, s) * rows_per_unit;
+        // Triangles of the unit from its first on, of which those before the rows are not there.
+        const auto place_of = [&](int64_t j) {
+            const uint64_t before = j + 1 < slab.rows_ ? numbers[j].triangles : unit.triangles;
+            return out.triangles[unit.first_triangle + before - first_triangle].data();
+        };
+        const int64_t end_row = std::min(rows[1], slab.rows_ - 1);
+        uint32_t* const end = place_of(end_row);
+        alignas(64) std::array<uint32_t, CellPatch::kPlaces> ids = {};
+        for (int64_t j = rows[0]; j < end_row; ++j) {
+            const Rows bits = rows_of(slab, layer, s, j);
+            uint32_t* triangle = place_of(j);
+            if (triangle == place_of(j + 1)) continue;
+            find_active(slab, bits, active.data());
+            uint32_t inner = numbers[j].inner;
+            U32x8 next = {below[j].x, below[j + 1].x, above[j].x,   above[j + 1].x,
+                          below[j].y, above[j].y,     numbers[j].z, numbers[j + 1].z};
+            for (size_t w = 0; w < cells; ++w)
+                for (uint64_t left = active[w]; left != 0; left &= left - 1) {
+                    const size_t i = 64 * w + size_t(std::countr_zero(left));
+                    const unsigned cell_case = case_of(bits, i);
+                    U32x8 step;
+                    std::memcpy(&step, kSteps[cell_case].data(), sizeof step);
+                    std::memcpy(ids.data(), &next, sizeof next);
+                    next += step;
+                    std::memcpy(ids.data() + 8, &next, sizeof next);
+                    const unsigned count = plain.triangles[cell_case];
+                    if (count != CellCases::kUndecided) {
+                        const std::array<uint8_t, 16>& vertices = plain.vertices[cell_case];
+                        if (end - triangle >= 16) {
+                            if constexpr (kPermute) {
+                                put_permuted(ids, vertices, triangle);
+                            } else {
+                                for (size_t v = 0; v < 6; ++v) triangle[v] = ids[vertices[v]];
+                                if (count > 2)
+                                    for (size_t v = 6; v < 15; ++v) triangle[v] = ids[vertices[v]];
+                            }
+                        } else {
+                            for (size_t v = 0; v < 3 * size_t(count); ++v) triangle[v] = ids[vertices[v]];
+                        }
+                        triangle += 3 * count;
+                        continue;
+                    }
+                    const CellValues values = values_of(slab, samples, isovalue, int64_t(i), j, k);
+                    const CellPatch& patch = *cases.decide(cell_case, values).patch;
+                    if (out.positions != nullptr)
+                        put_inner<kNormals>(slab, values, patch, {int64_t(i), j, k}, out, inner - first_vertex);
+                    for (size_t n = 0; n < patch.inner; ++n) ids[CellPatch::place_of_inner(n)] = inner++;
+                    for (size_t t = 0; t < patch.triangles; ++t, triangle += 3)
+                        for (size_t v = 0; v < 3; ++v) triangle[v] = ids[patch.vertices[3 * t + (slab.mirrored_ ? 2 - v : v)]];
+                }
+        }
+    }
+
+    template <bool kPermute, bool kNormals>
+    static void emit_layer(SlabContour& slab, const SlabSamples& samples, int64_t layer, size_t s, const RowRange& rows,
+                           const ContourTarget& out, uint64_t first_vertex, uint64_t first_triangle, CutStatistics& cuts) {
+        if (out.positions != nullptr) emit_between<kNormals>(slab, samples, layer, s, rows, out, first_vertex, cuts);
+        if (out.triangles != nullptr)
+            emit_triangles<kPermute, kNormals>(slab, samples, layer, s, rows, out, first_vertex, first_triangle);
+        else emit_inner<kNormals>(slab, samples, layer, s, rows, out, first_vertex);
+    }
+
+    // Normals are not worth a kernel of their own for each instruction set.
+    static void emit_slice_plainly(SlabContour& slab, const SlabSamples& samples, int64_t slice, size_t s, const RowRange& rows,
+                                   const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
+        emit_slice<true>(slab, samples, slice, s, rows, out, first_vertex, cuts);
+    }
+    static void emit_layer_plainly(SlabContour& slab, const SlabSamples& samples, int64_t layer, size_t s, const RowRange& rows,
+                                   const ContourTarget& out, uint64_t first_vertex, uint64_t first_triangle, CutStatistics& cuts) {
+        emit_layer<false, true>(slab, samples, layer, s, rows, out, first_vertex, first_triangle, cuts);
     }
 
     STRATA_KERNEL_BASELINE static void count_slice_baseline(SlabContour& slab, int64_t slice, SlabContour::Findings& findings) {
@@ -429,42 +483,39 @@ struct SlabKernel {
                                                         SlabContour::Findings& findings) {
         count_layer(slab, samples, layer, findings);
     }
-    STRATA_KERNEL_BASELINE static void emit_slice_baseline(SlabContour& slab, const SlabSamples& samples, int64_t slice,
-                                                           const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
-        emit_slice<false>(slab, samples, slice, out, first_vertex, cuts);
+    STRATA_KERNEL_BASELINE static void emit_slice_baseline(SlabContour& slab, const SlabSamples& samples, int64_t slice, size_t s,
+        const RowRange& rows, const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
+        emit_slice<false>(slab, samples, slice, s, rows, out, first_vertex, cuts);
     }
-    STRATA_KERNEL_AVX2 static void emit_slice_avx2(SlabContour& slab, const SlabSamples& samples, int64_t slice, const ContourTarget& out,
-                                                   uint64_t first_vertex, CutStatistics& cuts) {
-        emit_slice<false>(slab, samples, slice, out, first_vertex, cuts);
+    STRATA_KERNEL_AVX2 static void emit_slice_avx2(SlabContour& slab, const SlabSamples& samples, int64_t slice, size_t s,
+        const RowRange& rows, const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
+        emit_slice<false>(slab, samples, slice, s, rows, out, first_vertex, cuts);
     }
-    STRATA_KERNEL_AVX512 static void emit_slice_avx512(SlabContour& slab, const SlabSamples& samples, int64_t slice,
-                                                       const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
-        emit_slice<false>(slab, samples, slice, out, first_vertex, cuts);
+    STRATA_KERNEL_AVX512 static void emit_slice_avx512(SlabContour& slab, const SlabSamples& samples, int64_t slice, size_t s,
+        const RowRange& rows, const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
+        emit_slice<false>(slab, samples, slice, s, rows, out, first_vertex, cuts);
     }
-    STRATA_KERNEL_BASELINE static void emit_layer_baseline(SlabContour& slab, const SlabSamples& samples, int64_t layer,
-                                                           const ContourTarget& out, uint64_t first_vertex, uint64_t first_triangle,
-                                                           CutStatistics& cuts) {
-        emit_layer<false, false>(slab, samples, layer, out, first_vertex, first_triangle, cuts);
+    STRATA_KERNEL_BASELINE static void emit_layer_baseline(SlabContour& slab, const SlabSamples& samples, int64_t layer, size_t s,
+        const RowRange& rows, const ContourTarget& out, uint64_t first_vertex, uint64_t first_triangle, CutStatistics& cuts) {
+        emit_layer<false, false>(slab, samples, layer, s, rows, out, first_vertex, first_triangle, cuts);
     }
-    STRATA_KERNEL_AVX2 static void emit_layer_avx2(SlabContour& slab, const SlabSamples& samples, int64_t layer, const ContourTarget& out,
-                                                   uint64_t first_vertex, uint64_t first_triangle, CutStatistics& cuts) {
-        emit_layer<false, false>(slab, samples, layer, out, first_vertex, first_triangle, cuts);
+    STRATA_KERNEL_AVX2 static void emit_layer_avx2(SlabContour& slab, const SlabSamples& samples, int64_t layer, size_t s,
+        const RowRange& rows, const ContourTarget& out, uint64_t first_vertex, uint64_t first_triangle, CutStatistics& cuts) {
+        emit_layer<false, false>(slab, samples, layer, s, rows, out, first_vertex, first_triangle, cuts);
     }
-    STRATA_KERNEL_AVX512 static void emit_layer_avx512(SlabContour& slab, const SlabSamples& samples, int64_t layer,
-                                                       const ContourTarget& out, uint64_t first_vertex, uint64_t first_triangle,
-                                                       CutStatistics& cuts) {
-        emit_layer<true, false>(slab, samples, layer, out, first_vertex, first_triangle, cuts);
+    STRATA_KERNEL_AVX512 static void emit_layer_avx512(SlabContour& slab, const SlabSamples& samples, int64_t layer, size_t s,
+        const RowRange& rows, const ContourTarget& out, uint64_t first_vertex, uint64_t first_triangle, CutStatistics& cuts) {
+        emit_layer<true, false>(slab, samples, layer, s, rows, out, first_vertex, first_triangle, cuts);
+    }
+
+    // Those that suit, normals or not.
+    static auto slice_emitter(const SlabContour& slab) {
+        return slab.normals_ ? emit_slice_plainly : kernel_for(slab.level_, emit_slice_baseline, emit_slice_avx2, emit_slice_avx512);
+    }
+    static auto layer_emitter(const SlabContour& slab) {
+        return slab.normals_ ? emit_layer_plainly : kernel_for(slab.level_, emit_layer_baseline, emit_layer_avx2, emit_layer_avx512);
     }
 };
-
-namespace {
-
-template <typename Kernel>
-Kernel* kernel_for(SimdLevel level, Kernel* baseline, Kernel* avx2, Kernel* avx512) {
-    return level == SimdLevel::avx512 ? avx512 : level == SimdLevel::avx2 ? avx2 : baseline;
-}
-
-}  // namespace
 
 SlabContour::SlabContour(const GridPlacement& placement, const std::array<uint32_t, 3>& size, const ContourSettings& settings,
                          double reference, SimdLevel level)
@@ -635,28 +686,104 @@ SlabContour::Part SlabContour::part_of(int64_t first, int64_t end) const {
     return part;
 }
 
+void SlabContour::keep(const CutStatistics& cuts) {
+    report_.clamped_vertices += cuts.clamped;
+    report_.largest_shift_cells = std::max(report_.largest_shift_cells, cuts.largest_shift);
+}
+
+uint64_t SlabContour::first_vertex_of(int64_t layer) const { return layer == 0 ? 0 : layer_units_[unit(layer - slab_first_, 0)].first_vertex; }
+
 void SlabContour::emit(const SlabSamples& samples, int64_t first, int64_t end, const ContourTarget& out) {
     if (part_of(first, end).triangles == 0) return;  // nor vertices, and no place for them
-    const auto emit_slice =
-        normals_ ? SlabKernel::emit_slice_plainly
-                 : kernel_for(level_, SlabKernel::emit_slice_baseline, SlabKernel::emit_slice_avx2, SlabKernel::emit_slice_avx512);
-    const auto emit_layer =
-        normals_ ? SlabKernel::emit_layer_plainly
-                 : kernel_for(level_, SlabKernel::emit_layer_baseline, SlabKernel::emit_layer_avx2, SlabKernel::emit_layer_avx512);
-    const Unit& layer_unit = layer_units_[unit(first - slab_first_, 0)];
-    const uint64_t first_vertex = first == 0 ? 0 : layer_unit.first_vertex;
+    const auto emit_slice = SlabKernel::slice_emitter(*this);
+    const auto emit_layer = SlabKernel::layer_emitter(*this);
+    const uint64_t first_vertex = first_vertex_of(first), first_triangle = layer_units_[unit(first - slab_first_, 0)].first_triangle;
+    const SlabKernel::RowRange rows = {0, rows_};
     std::mutex mutex;
     parallel_blocks(threads_, size_t(end - first), 1, [&](size_t begin, size_t stop) {
         CutStatistics cuts;
         for (size_t n = begin; n < stop; ++n) {
             const int64_t layer = first + int64_t(n) - slab_first_;
-            if (first + int64_t(n) == 0) emit_slice(*this, samples, 0, out, first_vertex, cuts);
-            emit_layer(*this, samples, layer, out, first_vertex, layer_unit.first_triangle, cuts);
-            emit_slice(*this, samples, layer + 1, out, first_vertex, cuts);
+            for (size_t s = 0; s < isovalues_.size(); ++s) {
+                if (first + int64_t(n) == 0) emit_slice(*this, samples, 0, s, rows, out, first_vertex, cuts);
+                emit_layer(*this, samples, layer, s, rows, out, first_vertex, first_triangle, cuts);
+                emit_slice(*this, samples, layer + 1, s, rows, out, first_vertex, cuts);
+            }
         }
         const std::lock_guard lock(mutex);
-        report_.clamped_vertices += cuts.clamped;
-        report_.largest_shift_cells = std::max(report_.largest_shift_cells, cuts.largest_shift);
+        keep(cuts);
+    });
+}
+
+uint64_t SlabContour::vertices_before(int64_t layer, size_t row) const {
+    const size_t slice_rows = triangle_rows(), here = unit(layer - slab_first_, 0);
+    if (row == vertex_rows(layer)) {
+        const Unit& last = slice_units_[here + 2 * isovalues_.size() - 1];
+        return last.first_vertex + last.vertices - first_vertex_of(layer);
+    }
+    if (layer == 0) {
+        if (row < slice_rows) return slice_rows_[row].x;
+        row -= slice_rows;
+    }
+    const uint32_t number = row < slice_rows ? layer_rows_[here * size_t(rows_) + row].z : slice_rows_[here * size_t(rows_) + row].x;
+    return number - first_vertex_of(layer);
+}
+
+uint64_t SlabContour::triangles_before(int64_t layer, size_t row) const {
+    const size_t here = unit(layer - slab_first_, 0);
+    const uint64_t first = layer_units_[here].first_triangle;
+    if (row == triangle_rows()) {
+        const Unit& last = layer_units_[here + isovalues_.size() - 1];
+        return last.first_triangle + last.triangles - first;
+    }
+    return layer_units_[here + row / size_t(rows_)].first_triangle + layer_rows_[here * size_t(rows_) + row].triangles - first;
+}
+
+namespace {
+
+constexpr size_t kRowsAThread = 16;
+
+// The rows of each isovalue among some of all.
+template <typename Use>
+void for_units(size_t first_row, size_t end_row, size_t unit_rows, const Use& use) {
+    for (size_t row = first_row; row < end_row;) {
+        const size_t unit = row / unit_rows, end = std::min(end_row, (unit + 1) * unit_rows);
+        use(unit, std::array<int64_t, 2>{int64_t(row - unit * unit_rows), int64_t(end - unit * unit_rows)});
+        row = end;
+    }
+}
+
+}  // namespace
+
+void SlabContour::emit_vertices(const SlabSamples& samples, int64_t layer, size_t first_row, size_t end_row, const ContourTarget& out) {
+    const auto emit_slice = SlabKernel::slice_emitter(*this);
+    const auto emit_layer = SlabKernel::layer_emitter(*this);
+    const uint64_t first_vertex = first_vertex_of(layer) + vertices_before(layer, first_row);
+    const ContourTarget vertices = {.positions = out.positions, .normals = out.normals};
+    const size_t below = layer == 0 ? isovalues_.size() : 0;  // units of a slice before those of the layer
+    std::mutex mutex;
+    parallel_blocks(threads_, end_row - first_row, kRowsAThread, [&](size_t begin, size_t stop) {
+        CutStatistics cuts;
+        for_units(first_row + begin, first_row + stop, size_t(rows_), [&](size_t u, const SlabKernel::RowRange& rows) {
+            const size_t s = u % isovalues_.size();
+            if (u < below) emit_slice(*this, samples, 0, s, rows, vertices, first_vertex, cuts);
+            else if (u < below + isovalues_.size()) emit_layer(*this, samples, layer - slab_first_, s, rows, vertices, first_vertex, 0, cuts);
+            else emit_slice(*this, samples, layer - slab_first_ + 1, s, rows, vertices, first_vertex, cuts);
+        });
+        const std::lock_guard lock(mutex);
+        keep(cuts);
+    });
+}
+
+void SlabContour::emit_triangles(const SlabSamples& samples, int64_t layer, size_t first_row, size_t end_row, const ContourTarget& out) {
+    const auto emit_layer = SlabKernel::layer_emitter(*this);
+    const uint64_t first = layer_units_[unit(layer - slab_first_, 0)].first_triangle + triangles_before(layer, first_row);
+    const ContourTarget triangles = {.triangles = out.triangles};
+    parallel_blocks(threads_, end_row - first_row, kRowsAThread, [&](size_t begin, size_t stop) {
+        CutStatistics none;
+        for_units(first_row + begin, first_row + stop, size_t(rows_), [&](size_t s, const SlabKernel::RowRange& rows) {
+            emit_layer(*this, samples, layer - slab_first_, s, rows, triangles, 0, first, none);
+        });
     });
 }
 

@@ -9,6 +9,7 @@
 #include "core/simd_level.h"
 #include "core/surface/cell_cases.h"
 #include "core/surface/contour.h"
+#include "core/surface/edge_cut.h"
 #include "core/surface/large_array.h"
 #include "core/surface/sample_masks.h"
 
@@ -16,9 +17,9 @@ namespace strata {
 
 /// Where a part of a surface is written.
 struct ContourTarget {
-    Vec3f* positions = nullptr;
-    Vec3f* normals = nullptr;  // or none
-    std::array<uint32_t, 3>* triangles = nullptr;
+    Vec3f* positions = nullptr;  // none: the triangles alone are wanted
+    Vec3f* normals = nullptr;    // or none
+    std::array<uint32_t, 3>* triangles = nullptr;  // none: the vertices alone are wanted
 };
 
 /// Consecutive slices of a grid in memory.
@@ -59,6 +60,16 @@ public:
     /// Which isovalue's the vertices of those layers are: calls with the index and the number of vertices that follow each other.
     void for_isovalues(int64_t first, int64_t end, const std::function<void(size_t isovalue, uint64_t vertices)>& use) const;
 
+    // The same of a part of one planned layer, row by row: first all of its vertices, in the order of their numbers, then its triangles.
+    size_t vertex_rows(int64_t layer) const { return triangle_rows() * (layer == 0 ? 3 : 2); }
+    size_t triangle_rows() const { return isovalues_.size() * size_t(rows_); }
+    /// Vertices, or triangles, of the layer before those of a row; of all rows where it is their number.
+    uint64_t vertices_before(int64_t layer, size_t row) const;
+    uint64_t triangles_before(int64_t layer, size_t row) const;
+    size_t isovalue_of(size_t row) const { return row / size_t(rows_) % isovalues_.size(); }
+    void emit_vertices(const SlabSamples& samples, int64_t layer, size_t first_row, size_t end_row, const ContourTarget& out);
+    void emit_triangles(const SlabSamples& samples, int64_t layer, size_t first_row, size_t end_row, const ContourTarget& out);
+
     ContourReport report() const { return report_; }
 
 private:
@@ -84,6 +95,8 @@ private:
 
     void find_masks(const SlabSamples& samples, int64_t slab_slice, SampleStatistics& statistics);
     void number_units(int64_t slices);
+    void keep(const CutStatistics& cuts);
+    uint64_t first_vertex_of(int64_t layer) const;
 
     std::array<int64_t, 3> samples_;   // of the grid
     int64_t pad_;                      // 1 where the surface is closed

@@ -126,6 +126,61 @@ TEST(ContourSlices, ColorsAreThoseOfTheirIsovalue) {
     }
 }
 
+// The surface between two slices of noise is many times as large as they are: it comes in pieces of some rows, vertices before triangles.
+class LargestPiece : public SurfaceCollector {
+public:
+    void add(const SurfacePiece& piece) override {
+        SurfaceCollector::add(piece);
+        largest = std::max<uint64_t>(largest, piece.positions.size_bytes() + piece.normals.size_bytes() + piece.colors.size_bytes() +
+                                                  piece.triangles.size_bytes());
+    }
+    uint64_t largest = 0;
+};
+
+TEST(ContourSlices, ALayerMayBeLargerThanTheMemory) {
+    ScalarGrid grid{.placement = {.origin = {1, 2, 3}}, .size = {50, 60, 5}, .values = {}};
+    Random random(11);
+    for (uint32_t n = 0; n < 50 * 60 * 5; ++n) grid.values.push_back(float(random.uniform(-1.0, 1.0)));
+    for (const bool close : {false, true})
+        for (const bool rich : {false, true}) {
+            ContourSettings settings{.isovalues = {0.0}, .close = close};
+            if (rich) {
+                settings.isovalues.push_back(0.25);
+                settings.normals = true;
+                settings.colors = {{1, 2, 3, 4}, {5, 6, 7, 8}};
+            }
+            GridSlices all(grid);
+            SurfaceCollector whole;
+            const ContourReport report = contour_slices(all, settings, whole);
+            const uint64_t layer_bytes = bytes_of(whole).size() / 5;
+            // The least memory, as the errors tell it.
+            settings.memory_bytes = 1000;
+            for (int tries = 0;; ++tries) {
+                ASSERT_LT(tries, 40);
+                settings.threads = 1 + tries % 3;
+                GridSlices source(grid);
+                LargestPiece sink;
+                try {
+                    const ContourReport again = contour_slices(source, settings, sink);
+                    EXPECT_TRUE(bytes_of(sink) == bytes_of(whole));
+                    EXPECT_EQ(again.vertices, report.vertices);
+                    EXPECT_EQ(again.triangles, report.triangles);
+                    EXPECT_EQ(again.clamped_vertices, report.clamped_vertices);
+                    EXPECT_EQ(again.largest_shift_cells, report.largest_shift_cells);
+                    EXPECT_LT(sink.largest, settings.memory_bytes);
+                    if (settings.memory_bytes > layer_bytes * 9) break;  // a layer is a piece there
+                    settings.memory_bytes += settings.memory_bytes / 2;
+                } catch (const Error& error) {
+                    const std::string text = error.what();
+                    const uint64_t needed = std::stoull(text.substr(text.find(" need ") + 6));
+                    ASSERT_GT(needed, settings.memory_bytes) << text;
+                    settings.memory_bytes = needed;
+                    EXPECT_LT(needed, layer_bytes / (rich ? 2 : 1)) << text;
+                }
+            }
+        }
+}
+
 TEST(ContourSlices, RefusesTooLittleMemoryWithTheNumberNeeded) {
     const ScalarGrid grid = smooth_grid({100, 100, 10});
     GridSlices source(grid);
@@ -136,6 +191,13 @@ TEST(ContourSlices, RefusesTooLittleMemoryWithTheNumberNeeded) {
     } catch (const Error& error) {
         EXPECT_EQ(error.kind, ErrorKind::limit);
         EXPECT_NE(std::string(error.what()).find("50000 are allowed"), std::string::npos);
+    }
+    // Of what was given, this may be a part.
+    try {
+        contour_slices(source, {.memory_bytes = 50000, .memory_parts = 2}, sink);
+        FAIL();
+    } catch (const Error& error) {
+        EXPECT_NE(std::string(error.what()).find("100000 are allowed"), std::string::npos);
     }
     EXPECT_EQ(source.reads(), 0u);
 }
