@@ -336,6 +336,72 @@ TEST(ContourBricks, APlaneThatEndsWhereNothingIsKnown) {
     }
 }
 
+// The surface in a layer of noise is larger than its bricks: it comes in pieces, vertices before triangles, down to the least memory that the
+// errors tell of, and is the same.
+TEST(ContourBricks, ALayersSurfaceMayBeLargerThanTheMemory) {
+    class LargestPiece : public SurfaceCollector {
+    public:
+        void add(const SurfacePiece& piece) override {
+            SurfaceCollector::add(piece);
+            largest = std::max<uint64_t>(largest, piece.positions.size_bytes() + piece.normals.size_bytes() + piece.colors.size_bytes() +
+                                                      piece.triangles.size_bytes());
+        }
+        uint64_t largest = 0;
+    };
+    const auto value = [](const Place& p) {
+        return float(Random(uint64_t(p[0]) ^ uint64_t(p[1]) << 20 ^ uint64_t(p[2]) << 40).uniform(-1.0, 1.0));
+    };
+    const auto source = [&] {
+        return FunctionBricks({}, {0, 0, 0}, {56, 48, 24}, value, [](const Place& corner) { return corner[0] != 16 || corner[1] != 8; },
+                              [](const Place&) { return -0.75f; });
+    };
+    for (const bool rich : {false, true}) {
+        ContourSettings settings{.isovalues = {0.0}};
+        if (rich) {
+            settings.isovalues = {0.25, -0.5};
+            settings.normals = true;
+            settings.colors = {{1, 2, 3, 4}, {5, 6, 7, 8}};
+        }
+        SurfaceCollector whole;
+        FunctionBricks all = source();
+        const ContourReport report = contour_bricks(all, settings, whole);
+        const uint64_t field_bytes = 56 * 48 * 8 * sizeof(float);
+        const uint64_t layer_bytes = (whole.positions.size() * 12 + whole.normals.size() * 12 + whole.colors.size() * 4 + whole.triangles.size() * 12) / 3;
+        ASSERT_GT(layer_bytes, 5 * field_bytes);
+        settings.memory_bytes = 1000;
+        bool has_run = false;
+        for (int tries = 0;; ++tries) {
+            ASSERT_LT(tries, 60);
+            settings.threads = 1 + tries % 3;
+            FunctionBricks again = source();
+            LargestPiece sink;
+            try {
+                const ContourReport found = contour_bricks(again, settings, sink);
+                EXPECT_TRUE(sink.positions == whole.positions && sink.triangles == whole.triangles);
+                EXPECT_TRUE(sink.normals == whole.normals && sink.colors == whole.colors);
+                EXPECT_EQ(found.vertices, report.vertices);
+                EXPECT_EQ(found.triangles, report.triangles);
+                EXPECT_EQ(found.clamped_vertices, report.clamped_vertices);
+                EXPECT_EQ(found.largest_shift_cells, report.largest_shift_cells);
+                if (!has_run) {
+                    EXPECT_LT(settings.memory_bytes, 6 * field_bytes + (rich ? 2 : 1) * layer_bytes / 4);
+                    EXPECT_GT(sink.pieces, 20);
+                }
+                has_run = true;
+                EXPECT_LT(sink.largest, settings.memory_bytes / 4);
+                if (settings.memory_bytes > layer_bytes * 9) break;  // a layer is a piece there
+                settings.memory_bytes += settings.memory_bytes / 2;
+            } catch (const Error& error) {
+                ASSERT_FALSE(has_run) << error.what();
+                const std::string text = error.what();
+                const uint64_t needed = std::stoull(text.substr(text.find(" need ") + 6));
+                ASSERT_GT(needed, settings.memory_bytes) << text;
+                settings.memory_bytes = needed;
+            }
+        }
+    }
+}
+
 // Bricks may be far apart, and layers missing.
 TEST(ContourBricks, FarPiecesAndMissingLayers) {
     const auto value = [](const Place& p) {
