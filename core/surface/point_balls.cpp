@@ -1,10 +1,8 @@
 #include "core/surface/point_balls.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <cstring>
-#include <numeric>
+#include <memory>
 #include <string>
 
 #include "core/error.h"
@@ -13,101 +11,43 @@
 namespace strata {
 namespace {
 
-constexpr double kUnits = 1024.0;     // of a spacing: the places of centers
 constexpr double kBand = 2.0;         // spacings
 constexpr double kMostRadius = 6.0;   // spacings, so that a ball reaches no farther than into the next layer
-constexpr size_t kBlockBytes = 6144;  // small, as each layer keeps one that is not full
-
-struct Record {
-    uint64_t key;  // layer << 4, as RecordBuckets has codes
-    std::array<int32_t, 3> center;
-    int32_t unused = 0;  // no byte of a record is undefined
-};
 
 int32_t brick_of(float place) { return int32_t(std::floor(place)) >> 3; }
+
+PointGrid grid_of(const Box3d& bounds, const PointBallsSettings& settings) {
+    const double steps = settings.radius / settings.spacing;
+    if (!(settings.spacing > 0.0 && steps >= 1.0 && steps <= kMostRadius))
+        throw Error(ErrorKind::usage, "the radius of balls is from 1 to 6 spacings of samples");
+    return PointGrid::around(bounds, settings.spacing, steps + kBand);
+}
 
 }  // namespace
 
 PointBalls::PointBalls(const PointSource& points, const Box3d& bounds, const PointBallsSettings& settings)
     : settings_(settings),
       reach_(float(settings.radius / settings.spacing + kBand)),
-      pool_(kBlockBytes, settings.scratch != nullptr ? std::max<uint64_t>(settings.memory_bytes / 2 / kBlockBytes, 1) : ~uint64_t{0}),
-      scratch_(settings.scratch) {
-    const double steps = settings.radius / settings.spacing;
-    if (!(settings.spacing > 0.0 && steps >= 1.0 && steps <= kMostRadius))
-        throw Error(ErrorKind::usage, "the radius of balls is from 1 to 6 spacings of samples");
-    const double side = kFieldBrickSide * settings.spacing;
-    uint64_t layers = 1;
-    for (int axis = 0; axis < 3; ++axis) {
-        const double first = std::floor((bounds.min[axis] - reach_ * settings.spacing) / side) - 1.0;
-        const double last = std::floor((bounds.max[axis] + reach_ * settings.spacing) / side) + 1.0;
-        if (!(last - first < double(1 << 15)))
-            throw Error(ErrorKind::limit, "more than 2^18 samples along an axis; a larger spacing has fewer");
-        placement_.origin[axis] = first * side;
-        if (axis == 2) layers = uint64_t(last - first) + 1;
-    }
-    placement_.axes = settings.spacing * Mat3d::Identity();
-    std::vector<uint64_t> first_codes(layers);
-    std::iota(first_codes.begin(), first_codes.end(), uint64_t{0});
-    buckets_ = std::make_unique<RecordBuckets>(std::move(first_codes), sizeof(Record), pool_, scratch_);
-    distribute(points);
+      scratch_(settings.scratch),
+      layers_(grid_of(bounds, settings), settings.form, settings.memory_bytes / 2, scratch_) {
+    layers_.distribute(points, settings.threads, settings.on_points);
 }
-
-PointBalls::~PointBalls() = default;
 
 float PointBalls::background() const { return float(kBand * settings_.spacing); }
 
-void PointBalls::distribute(const PointSource& points) {
-    const Quantization& quantization = points.info().quantization;
-    const double limit = double(buckets_->size()) * kFieldBrickSide * kUnits;
-    std::atomic<uint64_t> next = 0, outside = 0;
-    std::atomic<bool> failed = false;
-    parallel_workers(settings_.threads, [&](int) {
-        try {
-            PointBatch batch;
-            std::vector<Record> records;
-            for (uint64_t index; !failed && (index = next++) < points.batch_count();) {
-                points.read_batch(index, {}, batch);
-                records.clear();
-                for (size_t i = 0; i < batch.size; ++i) {
-                    const Vec3d p = (quantization.world_from_quanta({batch.x[i], batch.y[i], batch.z[i]}) - placement_.origin) /
-                                    settings_.spacing * kUnits;
-                    // One brick on each side is kept free for reach.
-                    if (!(p.minCoeff() >= 0.0 && p.maxCoeff() < double(1 << 28) && p.z() < limit)) {
-                        ++outside;
-                        continue;
-                    }
-                    const std::array<int32_t, 3> center = {int32_t(std::lround(p.x())), int32_t(std::lround(p.y())),
-                                                           int32_t(std::lround(p.z()))};
-                    records.push_back({.key = uint64_t(center[2]) / uint64_t(kFieldBrickSide * kUnits) << 4, .center = center});
-                }
-                std::sort(records.begin(), records.end(), [](const Record& a, const Record& b) { return a.key < b.key; });
-                buckets_->add(std::as_bytes(std::span(records)));
-                if (settings_.on_points) settings_.on_points(batch.size);
-            }
-        } catch (...) {
-            failed = true;
-            throw;
-        }
-    });
-    outside_ = outside;
-}
-
 void PointBalls::load(size_t layer) {
-    std::vector<Center>& centers = near_[layer % 3];
-    centers.clear();
-    if (layer >= buckets_->size()) return;
-    buckets_->take(layer, [&](std::span<const std::byte> bytes) {
-        for (size_t at = 0; at < bytes.size(); at += sizeof(Record)) {
-            Record record;
-            std::memcpy(&record, bytes.data() + at, sizeof record);
-            centers.push_back(record.center);
-        }
-    });
+    near_[layer % 3].clear();
+    if (layers_.points(layer) == 0) return;
+    if (settings_.keep_points) {
+        const uint64_t held = std::min(window_.memory_bytes(), settings_.memory_bytes);
+        window_.put(layer, std::make_shared<PointLayer>(layers_.take(layer, true, settings_.memory_bytes - held, &near_[layer % 3])));
+    } else {
+        layers_.take_places(layer, near_[layer % 3]);
+    }
 }
 
 bool PointBalls::next_layer(FieldBrickLayer& out) {
-    for (; next_ < buckets_->size(); ++next_) {
+    for (; next_ < layers_.size(); ++next_) {
         if (next_ == 0) load(0);
         load(next_ + 1);
         if (near_[0].empty() && near_[1].empty() && near_[2].empty()) continue;
@@ -130,9 +70,10 @@ void PointBalls::fill(FieldBrickLayer& out) {
     };
     std::vector<Part> parts;
     const float low = float(out.k) - reach_, high = float(out.k + kFieldBrickSide - 1) + reach_;
-    for (const std::vector<Center>& centers : near_)
-        for (const Center& center : centers) {
-            const std::array<float, 3> c = {float(center[0] / kUnits), float(center[1] / kUnits), float(center[2] / kUnits)};
+    const double units = layers_.grid().units;
+    for (const std::vector<std::array<int32_t, 3>>& centers : near_)
+        for (const std::array<int32_t, 3>& center : centers) {
+            const std::array<float, 3> c = {float(center[0] / units), float(center[1] / units), float(center[2] / units)};
             if (c[2] < low || c[2] > high) continue;
             for (int32_t j = brick_of(c[1] - reach_); j <= brick_of(c[1] + reach_); ++j)
                 for (int32_t i = brick_of(c[0] - reach_); i <= brick_of(c[0] + reach_); ++i)

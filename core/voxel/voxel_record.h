@@ -37,6 +37,7 @@ struct VoxelRecord {
 };
 
 inline uint64_t code_of_key(uint64_t key) { return key >> 4; }
+inline uint64_t key_of_code(uint64_t code) { return code << 4; }  // of records with keys alone
 
 enum : uint32_t { kPacked, kWideFirst, kWideSecond };  // kinds of records with sums
 inline constexpr uint64_t kMostPackedPoints = 16;      // whose sums of 16-bit numbers fit in 20 bits, signed ones too
