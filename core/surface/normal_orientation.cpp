@@ -1,0 +1,166 @@
+#include "core/surface/normal_orientation.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "core/error.h"
+
+namespace strata {
+namespace {
+
+constexpr uint32_t kTurned = uint32_t{1} << 31;
+constexpr size_t kGrades = 1024;  // of agreement; equal ones in the order of cells
+// A component looks up where the mean of its normals does so by this much, else its top does.
+constexpr double kPlainlyUp = 0.25;
+
+constexpr int kMostReach = 3;  // cells from one to another that it may take its side from, where none is nearer
+
+// The cells that far around one that come after it.
+std::vector<std::array<int32_t, 3>> later_cells(int reach) {
+    std::vector<std::array<int32_t, 3>> steps;
+    for (int k = 0; k <= reach; ++k)
+        for (int j = -reach; j <= reach; ++j)
+            for (int i = -reach; i <= reach; ++i)
+                if (std::max({k, std::abs(j), std::abs(i)}) == reach && (k > 0 || j > 0 || (j == 0 && i > 0))) steps.push_back({i, j, k});
+    return steps;
+}
+
+// How well two normals agree, -1 to 1: one is mirrored at the plane between the places, so that an arc, a corner and two sides of a plate agree fully.
+float agreement(const Vec3f& normal_a, const Vec3f& normal_b, const Vec3f& apart) {
+    const float square = apart.squaredNorm();
+    if (!(square > 0.0f)) return normal_a.dot(normal_b);
+    return normal_a.dot(normal_b) - 2.0f * apart.dot(normal_a) * apart.dot(normal_b) / square;
+}
+
+}  // namespace
+
+void NormalOrientation::add(const std::vector<Cell>& cells) {
+    for (const Cell& cell : cells) {
+        keys_.push_back(key_of(cell.at));
+        places_.push_back(cell.place);
+        normals_.push_back(cell.normal);
+    }
+    if (keys_.size() >= kTurned) throw Error(ErrorKind::limit, "2147483648 cells of normals or more: a larger voxel size has fewer");
+}
+
+uint64_t NormalOrientation::memory_bytes() const { return keys_.size() * (sizeof(uint64_t) + 2 * sizeof(Vec3f) + sizeof(uint32_t) + 1 + 5 * sizeof(std::array<uint32_t, 2>)); }
+
+uint32_t NormalOrientation::root_of(uint32_t cell, bool& turned) {
+    turned = false;
+    uint32_t root = cell;
+    while ((parents_[root] & ~kTurned) != root) {
+        turned ^= (parents_[root] & kTurned) != 0;
+        root = parents_[root] & ~kTurned;
+    }
+    // The way is made short.
+    for (bool left = turned; cell != root;) {
+        const uint32_t parent = parents_[cell];
+        parents_[cell] = root | (left ? kTurned : 0);
+        left ^= (parent & kTurned) != 0;
+        cell = parent & ~kTurned;
+    }
+    return root;
+}
+
+template <typename Use>
+void NormalOrientation::for_neighbors(int reach, const Use& use) {
+    const std::vector<std::array<int32_t, 3>> steps = later_cells(reach);
+    std::vector<size_t> finders(steps.size());
+    const size_t count = keys_.size();
+    for (size_t a = 0; a < count; ++a) {
+        const std::array<int32_t, 3> at = {int32_t(keys_[a] & 0xfffff), int32_t(keys_[a] >> 20 & 0xfffff), int32_t(keys_[a] >> 40)};
+        for (size_t n = 0; n < steps.size(); ++n) {
+            const auto& step = steps[n];
+            if (at[0] + step[0] < 0 || at[1] + step[1] < 0) continue;
+            const uint64_t wanted = key_of({at[0] + step[0], at[1] + step[1], at[2] + step[2]});
+            size_t& b = finders[n];
+            while (b < count && keys_[b] < wanted) ++b;
+            if (b < count && keys_[b] == wanted) use(uint32_t(a), uint32_t(b), Vec3f(float(step[0]), float(step[1]), float(step[2])));
+        }
+    }
+}
+
+void NormalOrientation::join(int reach) {
+    struct Edge {
+        uint32_t a, b;  // b with the bit kTurned
+    };
+    const auto for_edges = [&](const auto& use) {
+        for_neighbors(reach, [&](uint32_t a, uint32_t b, const Vec3f& step) {
+            bool turned = false;
+            if (reach > 1 && root_of(a, turned) == root_of(b, turned)) return;
+            const float sign = agreement(normals_[a], normals_[b], step + places_[b] - places_[a]);
+            use(size_t(std::clamp((1.0f - std::abs(sign)) * float(kGrades), 0.0f, float(kGrades - 1))), Edge{a, b | (sign < 0.0f ? kTurned : 0)});
+        });
+    };
+    std::array<uint64_t, kGrades + 1> begins = {};
+    for_edges([&](size_t grade, const Edge&) { ++begins[grade + 1]; });
+    for (size_t grade = 0; grade < kGrades; ++grade) begins[grade + 1] += begins[grade];
+    std::vector<Edge> edges(begins[kGrades]);
+    for_edges([&](size_t grade, const Edge& edge) { edges[begins[grade]++] = edge; });
+    for (const Edge& edge : edges) {
+        bool a_turned = false, b_turned = false;
+        uint32_t a = root_of(edge.a, a_turned), b = root_of(edge.b & ~kTurned, b_turned);
+        if (a == b) continue;
+        const bool turned = a_turned ^ b_turned ^ ((edge.b & kTurned) != 0);
+        if (ranks_[a] > ranks_[b]) std::swap(a, b);
+        ranks_[b] = std::max<uint8_t>(ranks_[b], uint8_t(ranks_[a] + 1));
+        parents_[a] = b | (turned ? kTurned : 0);
+    }
+}
+
+void NormalOrientation::solve() {
+    const auto count = uint32_t(keys_.size());
+    parents_.resize(count);
+    for (uint32_t cell = 0; cell < count; ++cell) parents_[cell] = cell;
+    ranks_.assign(count, 0);
+    for (int reach = 1; reach <= kMostReach; ++reach) join(reach);
+
+    // What looks up, of each component, at its root.
+    struct Up {
+        double all = 0.0, top = 0.0;
+        uint64_t cells = 0;
+        uint64_t highest = 0;  // k
+    };
+    std::vector<uint32_t> numbers(count);
+    std::vector<Up> ups;
+    turned_.assign(count, false);
+    for (uint32_t cell = 0; cell < count; ++cell)
+        if ((parents_[cell] & ~kTurned) == cell) {
+            numbers[cell] = uint32_t(ups.size());
+            ups.emplace_back();
+        }
+    components_ = ups.size();
+    for (uint32_t cell = 0; cell < count; ++cell) {
+        bool turned = false;
+        Up& up = ups[numbers[root_of(cell, turned)]];
+        turned_[cell] = turned;
+        up.all += turned ? -double(normals_[cell].z()) : double(normals_[cell].z());
+        up.highest = std::max(up.highest, keys_[cell] >> 40);
+        ++up.cells;
+    }
+    for (uint32_t cell = 0; cell < count; ++cell) {
+        bool turned = false;
+        Up& up = ups[numbers[root_of(cell, turned)]];
+        if ((keys_[cell] >> 40) + 1 >= up.highest) up.top += turned ? -double(normals_[cell].z()) : double(normals_[cell].z());
+    }
+    for (uint32_t cell = 0; cell < count; ++cell) {
+        bool turned = false;
+        const Up& up = ups[numbers[root_of(cell, turned)]];
+        const bool plainly = std::abs(up.all) > kPlainlyUp * double(up.cells);
+        if ((plainly ? up.all : up.top) < 0.0) turned_[cell] = !turned_[cell];
+    }
+    places_ = {};
+    normals_ = {};
+    parents_ = {};
+    ranks_ = {};
+}
+
+bool NormalOrientation::is_turned(const std::array<int32_t, 3>& at) const {
+    const auto found = std::lower_bound(keys_.begin(), keys_.end(), key_of(at));
+    return found != keys_.end() && *found == key_of(at) && turned_[size_t(found - keys_.begin())];
+}
+
+}  // namespace strata

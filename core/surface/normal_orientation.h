@@ -1,0 +1,51 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "core/math/vec.h"
+
+namespace strata {
+
+/// Sides for the normals of a surface that were fitted, and may point either way: neighboring parts of it, cells of a grid, take the side
+/// that agrees best with that of their neighbors, the surest pairs first; those that do not touch, but lie up to three cells apart, last. Of what hangs
+/// together, most looks up; or where neither side does, as around an object, its top.
+/// source  H. Hoppe et al., "Surface reconstruction from unorganized points", SIGGRAPH 1992, for the spanning tree; S. Koenig, S. Gumhold,
+///         "Consistent propagation of normal orientations in point clouds", VMV 2009, for mirroring a normal from one place to another
+class NormalOrientation {
+public:
+    struct Cell {
+        std::array<int32_t, 3> at;  // i, j, k of the cell, each from 0 to below 2^20
+        Vec3f place;                // of its points, on the mean, in cells from its least corner
+        Vec3f normal;               // unit
+    };
+
+    /// Cells in ascending order of k, then j, then i.
+    void add(const std::vector<Cell>& cells);
+    /// cost  O(cells), 48 bytes each, and 8 bytes an edge between neighbors, 4 to 5 a cell of a surface
+    void solve();
+    /// After solve(): whether the normals of a cell turn about. false where there is no such cell.
+    bool is_turned(const std::array<int32_t, 3>& at) const;
+
+    uint64_t cells() const { return keys_.size(); }
+    uint64_t components() const { return components_; }
+    /// Taken now, and at most by solve().
+    uint64_t memory_bytes() const;
+
+private:
+    static uint64_t key_of(const std::array<int32_t, 3>& at) { return uint64_t(at[2]) << 40 | uint64_t(at[1]) << 20 | uint64_t(at[0]); }
+    uint32_t root_of(uint32_t cell, bool& turned);
+    template <typename Use>
+    void for_neighbors(int reach, const Use& use);
+    void join(int reach);
+
+    std::vector<uint64_t> keys_;  // ascending
+    std::vector<Vec3f> places_, normals_;
+    std::vector<uint32_t> parents_;  // turned against the parent: bit 31
+    std::vector<uint8_t> ranks_;
+    std::vector<bool> turned_;
+    uint64_t components_ = 0;
+};
+
+}  // namespace strata

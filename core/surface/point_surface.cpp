@@ -1,0 +1,195 @@
+#include "core/surface/point_surface.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <span>
+#include <string>
+#include <tuple>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "core/surface/layer_normals.h"
+#include "core/surface/near_points.h"
+#include "core/surface/normal_orientation.h"
+#include "core/surface/plane_mean.h"
+
+namespace strata {
+namespace {
+
+constexpr double kLeastRadius = 2.0, kMostRadius = 7.0;  // spacings; within the layers next to a sample's
+constexpr int kOrientationCell = 1;                      // samples
+
+// The cell in which the side of a point's normal is chosen.
+std::array<int32_t, 3> orientation_cell(const std::array<int32_t, 2>& corner, size_t layer, const Vec3f& place) {
+    const auto cell = [](int32_t corner_samples, float offset) { return (corner_samples + std::clamp(int32_t(offset), 0, kFieldBrickSide - 1)) / kOrientationCell; };
+    return {cell(corner[0], place.x()), cell(corner[1], place.y()), cell(int32_t(layer) * kFieldBrickSide, place.z())};
+}
+
+PointGrid grid_of(const Box3d& bounds, const PointSurfaceSettings& settings) {
+    const double steps = settings.radius / settings.spacing;
+    if (!(settings.spacing > 0.0 && steps >= kLeastRadius && steps <= kMostRadius))
+        throw Error(ErrorKind::usage, "the radius of a smooth surface is from 2 to 7 spacings of samples");
+    return PointGrid::around(bounds, settings.spacing, steps);
+}
+
+// Turns the normals of a layer's points to agree within each cell, and adds the cells, in their order.
+void gather_cells(size_t layer, PointLayer& points, NormalOrientation& orientation) {
+    struct Sum {
+        Vec3f normal = Vec3f::Zero(), place = Vec3f::Zero();
+        float points = 0.0f;
+    };
+    constexpr size_t kAlong = kFieldBrickSide / kOrientationCell;
+    std::vector<NormalOrientation::Cell> cells;
+    for (size_t b = 0; b < points.corners.size(); ++b) {
+        std::array<Sum, kAlong * kAlong * kAlong> sums = {};
+        const auto slot = [&](const Vec3f& place) {
+            const auto c = orientation_cell({0, 0}, 0, place);
+            return size_t(c[2]) * kAlong * kAlong + size_t(c[1]) * kAlong + size_t(c[0]);
+        };
+        for (const bool last : {false, true})
+            for (uint32_t p = points.begins[b]; p < points.begins[b + 1]; ++p) {
+                Vec3f& normal = points.normals[p];
+                if (normal.isZero(0.0f)) continue;
+                Sum& sum = sums[slot(points.places[p])];
+                if (normal.dot(sum.normal) < 0.0f) normal = -normal;
+                if (last) continue;
+                sum.normal += normal;
+                sum.place += points.places[p];
+                sum.points += 1.0f;
+            }
+        for (size_t n = 0; n < sums.size(); ++n) {
+            if (sums[n].points == 0.0f) continue;
+            const std::array<int32_t, 3> in_brick = {int32_t(n % kAlong), int32_t(n / kAlong % kAlong), int32_t(n / kAlong / kAlong)};
+            const std::array<int32_t, 3> at = {points.corners[b][0] / kOrientationCell + in_brick[0], points.corners[b][1] / kOrientationCell + in_brick[1],
+                                               int32_t(layer * kAlong) + in_brick[2]};
+            const Vec3f place = sums[n].place / sums[n].points / float(kOrientationCell) - Vec3f(float(in_brick[0]), float(in_brick[1]), float(in_brick[2]));
+            cells.push_back({at, place, sums[n].normal.normalized()});
+        }
+    }
+    std::sort(cells.begin(), cells.end(), [](const auto& a, const auto& b) { return std::tie(a.at[2], a.at[1], a.at[0]) < std::tie(b.at[2], b.at[1], b.at[0]); });
+    orientation.add(cells);
+}
+
+}  // namespace
+
+PointSurface::PointSurface(const PointSource& points, const Box3d& bounds, const PointSurfaceSettings& settings)
+    : settings_(settings), grid_(grid_of(bounds, settings)), radius_(float(settings.radius / settings.spacing)), scratch_(settings.scratch) {
+    PointForm& form = settings_.form;
+    form.normals = true;
+    layers_ = std::make_unique<PointLayers>(grid_, form, settings.memory_bytes / 2, scratch_);
+    layers_->distribute(points, settings.threads, settings.on_points);
+    report_.outside = layers_->outside();
+    const NormalCount& found = layers_->normals();
+    report_.has_normals = found.points > 0;
+    const bool all_up = found.points == found.up;
+    report_.oriented = !settings.viewpoint && all_up;
+    find_normals(!report_.has_normals, report_.oriented);
+}
+
+float PointSurface::background() const { return std::numeric_limits<float>::quiet_NaN(); }
+
+// Goes through the points once: of each cell of half a spacing one is left, with a normal.
+void PointSurface::find_normals(bool fit, bool turn) {
+    auto done = std::make_unique<PointLayers>(grid_, settings_.form, settings_.memory_bytes / 2, scratch_);
+    NormalOrientation orientation;
+    std::array<std::shared_ptr<PointLayer>, 3> near;
+    const auto read = [&](size_t layer) {
+        uint64_t held = 0;
+        for (const auto& other : near) held += other ? other->memory_bytes() : 0;
+        near[layer % 3] = layer < layers_->size() ? std::make_shared<PointLayer>(layers_->take(layer, true, settings_.memory_bytes - std::min(held, settings_.memory_bytes))) : nullptr;
+    };
+    read(0);
+    std::vector<Vec3f> fitted;
+    for (size_t layer = 0; layer < layers_->size(); ++layer) {
+        read(layer + 1);
+        PointLayer& points = *near[layer % 3];
+        if (points.points() == 0) continue;
+        const std::array<const PointLayer*, 3> around = {layer > 0 ? near[(layer + 2) % 3].get() : nullptr, &points, near[(layer + 1) % 3].get()};
+        if (fit) points.normals = layer_normals(around, radius_, settings_.threads);
+        report_.merged += points.points();
+        for (const Vec3f& normal : points.normals) report_.without_normal += normal.isZero(0.0f);
+        if (settings_.viewpoint)
+            for (size_t b = 0; b < points.corners.size(); ++b)
+                for (uint32_t p = points.begins[b]; p < points.begins[b + 1]; ++p) {
+                    const Vec3d place = grid_.placement.world_from_index(Vec3d(points.corners[b][0], points.corners[b][1], double(layer) * kFieldBrickSide) + points.places[p].cast<double>());
+                    if (points.normals[p].cast<double>().dot(*settings_.viewpoint - place) < 0.0) points.normals[p] = -points.normals[p];
+                }
+        else if (turn) gather_cells(layer, points, orientation);
+        if (orientation.memory_bytes() > settings_.memory_bytes)
+            throw Error(ErrorKind::limit, "choosing sides for the normals needs more than the allowed memory of " + std::to_string(settings_.memory_bytes) +
+                                              " bytes; a larger voxel size needs less, points with normals none");
+        done->add(layer, points);
+    }
+    layers_ = std::move(done);
+    if (!turn) return;
+    orientation.solve();
+    report_.components = orientation.components();
+    orientation_ = std::move(orientation);
+}
+
+void PointSurface::load(size_t layer) {
+    std::shared_ptr<const PointLayer>& slot = near_[layer % 3];
+    slot = nullptr;
+    if (layers_->points(layer) == 0) return;
+    uint64_t held = window_.memory_bytes();
+    if (!settings_.keep_points)
+        for (const auto& other : near_) held += other ? other->memory_bytes() : 0;
+    auto points = std::make_shared<PointLayer>(layers_->take(layer, false, settings_.memory_bytes - std::min(held, settings_.memory_bytes)));
+    if (orientation_.cells() > 0)
+        for (size_t b = 0; b < points->corners.size(); ++b)
+            for (uint32_t p = points->begins[b]; p < points->begins[b + 1]; ++p)
+                if (orientation_.is_turned(orientation_cell(points->corners[b], layer, points->places[p]))) points->normals[p] = -points->normals[p];
+    if (settings_.keep_points) window_.put(layer, points);
+    slot = std::move(points);
+}
+
+bool PointSurface::next_layer(FieldBrickLayer& out) {
+    for (; next_ < layers_->size(); ++next_) {
+        if (next_ == 0) load(0);
+        load(next_ + 1);
+        if (!near_[0] && !near_[1] && !near_[2]) continue;
+        out.k = int32_t(next_) * kFieldBrickSide;
+        fill(out);
+        if (out.corners.empty()) continue;
+        ++next_;
+        return true;
+    }
+    return false;
+}
+
+void PointSurface::fill(FieldBrickLayer& out) {
+    const size_t layer = next_;
+    const auto at = [&](size_t other) { return near_[other % 3].get(); };
+    const std::array<const PointLayer*, 3> around = {layer > 0 ? at(layer + 2) : nullptr, at(layer), at(layer + 1)};
+    out.corners = corners_around(around);
+    if (out.corners.size() * kFieldBrickSamples * sizeof(float) > settings_.memory_bytes)
+        throw Error(ErrorKind::limit, "one layer of bricks needs " + std::to_string(out.corners.size() * kFieldBrickSamples * sizeof(float)) + " bytes of memory, " +
+                                          std::to_string(settings_.memory_bytes) + " are allowed; a larger voxel size needs less");
+    out.values.resize(out.corners.size() * kFieldBrickSamples);
+    std::vector<uint8_t> reached(out.corners.size());
+    const float spacing = float(settings_.spacing);
+    parallel_blocks(settings_.threads, out.corners.size(), 8, [&](size_t begin, size_t end) {
+        NearPoints near;
+        PlaneMean mean(radius_);
+        for (size_t b = begin; b < end; ++b) {
+            near.gather(around, out.corners[b], radius_, true);
+            const std::span<float, kFieldBrickSamples> values(out.values.data() + b * kFieldBrickSamples, kFieldBrickSamples);
+            reached[b] = mean.evaluate(near, values);
+            for (float& value : values) value *= spacing;
+        }
+    });
+    size_t kept = 0;
+    for (size_t b = 0; b < reached.size(); ++b) {
+        if (reached[b] == 0) continue;
+        out.corners[kept] = out.corners[b];
+        if (kept != b) std::copy_n(out.values.data() + b * kFieldBrickSamples, kFieldBrickSamples, out.values.data() + kept * kFieldBrickSamples);
+        ++kept;
+    }
+    out.corners.resize(kept);
+    out.values.resize(kept * kFieldBrickSamples);
+}
+
+}  // namespace strata

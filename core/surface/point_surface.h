@@ -1,0 +1,85 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "core/cloud/point_source.h"
+#include "core/octree/scratch_store.h"
+#include "core/surface/normal_orientation.h"
+#include "core/surface/point_layers.h"
+#include "core/surface/point_window.h"
+#include "core/surface/scalar_field.h"
+
+namespace strata {
+
+struct PointSurfaceSettings {
+    double spacing = 0.0;  // of samples; world units
+    double radius = 0.0;   // of what a point has a say in; world units, from 2 to 7 spacings
+    std::optional<Vec3d> viewpoint;  // world: normals look there
+    PointForm form;                  // what is kept of points for those who ask for it; normals are found out
+    bool keep_points = false;        // in window()
+    int threads = 1;
+    uint64_t memory_bytes = uint64_t{1} << 30;  // half of it for points, beyond which they go to the scratch store; as much for each of: the
+                                                // layers of points that are read, the cells by which normals are turned, the bricks of a layer
+    ScratchStore* scratch = nullptr;            // nullptr: all stay in memory
+    std::function<void(uint64_t points)> on_points;  // points read since the last call; from any thread
+};
+
+/// What was found out of points on the way.
+struct PointSurfaceReport {
+    uint64_t outside = 0;      // points beyond the bounds, left out
+    uint64_t merged = 0;       // points of the surface, once those of a cell of half a spacing are one
+    uint64_t without_normal = 0;  // of these: left out
+    bool has_normals = false;  // the file's were taken
+    bool oriented = false;     // sides were chosen here: normals were fitted, or all of the file's look up
+    uint64_t components = 0;   // parts that the sides of normals were chosen for one by one
+};
+
+/// A smooth surface near points with normals, as a scalar field that is 0 on it, negative behind it: at each sample the mean of the distances
+/// to the planes of the points within the radius, near ones with more weight. NaN where there is no surface to be sure of: away from
+/// points, beyond the edge of what they cover by more than about a third of the radius, where they lie on planes that differ by much, or where fewer than
+/// three have a say. So the surface is open where the points end; gaps narrower than about the radius are closed.
+/// Points in a cell of half a spacing count once. Normals are those of the points (attributes NormalX, NormalY, NormalZ) where
+/// there are any, else fitted (layer_normals.h); if these, or all of the points' look up, as those do that were fitted without a viewpoint,
+/// their sides are chosen (normal_orientation.h). Points are read once; neither threads nor memory show.
+/// source  C. Shen, J. F. O'Brien, J. R. Shewchuk, "Interpolating and approximating implicit surfaces from polygon soup", SIGGRAPH 2004, for
+///         the mean of planes; A. Adamson, M. Alexa, "Approximating bounded, non-orientable surfaces from points", SMI 2004, for where it ends
+class PointSurface : public FieldBrickSource {
+public:
+    /// bounds  of the points; those outside are left out and counted
+    /// throws  Error{usage}: the radius is out of its range; Error{limit}: more than 2^18 samples an axis, or memory; what the source throws
+    /// cost    32 bytes a point of memory or scratch room, and what the form keeps
+    PointSurface(const PointSource& points, const Box3d& bounds, const PointSurfaceSettings& settings);
+
+    uint64_t outside() const { return report_.outside; }
+    const PointSurfaceReport& report() const { return report_; }
+    uint64_t scratch_bytes() const { return scratch_.written_bytes(); }
+    PointWindow& window() { return window_; }
+    const PointGrid& grid() const { return grid_; }
+
+    const GridPlacement& placement() const override { return grid_.placement; }
+    float background() const override;  // NaN
+    /// throws  Error{limit}: the bricks of one layer do not fit
+    bool next_layer(FieldBrickLayer& out) override;
+
+private:
+    void find_normals(bool fit, bool turn);
+    void load(size_t layer);
+    void fill(FieldBrickLayer& out);
+
+    PointSurfaceSettings settings_;
+    PointGrid grid_;
+    float radius_;                         // spacings
+    ScratchBlocks scratch_;
+    std::unique_ptr<PointLayers> layers_;  // with normals
+    NormalOrientation orientation_;        // of their sides; no cells: they are as they are
+    size_t next_ = 0;                                            // layer
+    std::array<std::shared_ptr<const PointLayer>, 3> near_;  // the layer below, this one and the one above; by layer % 3
+    PointSurfaceReport report_;
+    PointWindow window_;
+};
+
+}  // namespace strata

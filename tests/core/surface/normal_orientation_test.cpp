@@ -1,0 +1,97 @@
+#include "core/surface/normal_orientation.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+#include <tuple>
+
+#include "core/math/random.h"
+
+namespace strata {
+namespace {
+
+// Cells of points with normals, as they come: of any side.
+class Cells {
+public:
+    void add(const Vec3d& place, const Vec3d& normal) {
+        const std::array<int32_t, 3> at = {int32_t(place.z()), int32_t(place.y()), int32_t(place.x())};  // in the order of cells
+        if (cells_.contains(at)) return;
+        const bool turned = random_.uniform() < 0.5;
+        NormalOrientation::Cell cell = {.at = {at[2], at[1], at[0]}, .place = (place - Vec3d(at[2], at[1], at[0])).cast<float>(), .normal = (turned ? Vec3d(-normal) : normal).cast<float>()};
+        cells_[at] = {cell, turned};
+    }
+    // How many cells end up with the side that they were added with.
+    size_t right(uint64_t* components = nullptr) const {
+        NormalOrientation orientation;
+        std::vector<NormalOrientation::Cell> cells;
+        for (const auto& [at, cell] : cells_) cells.push_back(cell.first);
+        orientation.add(cells);
+        orientation.solve();
+        if (components != nullptr) *components = orientation.components();
+        size_t count = 0;
+        for (const auto& [at, cell] : cells_) count += orientation.is_turned(cell.first.at) == cell.second;
+        return count;
+    }
+    size_t size() const { return cells_.size(); }
+
+private:
+    Random random_{4};
+    std::map<std::array<int32_t, 3>, std::pair<NormalOrientation::Cell, bool>> cells_;
+};
+
+Vec3d random_direction(Random& random) { return Vec3d(random.normal(), random.normal(), random.normal()).normalized(); }
+
+TEST(NormalOrientation, ASphereLooksOutwards) {
+    Random random(1);
+    Cells cells;
+    for (int i = 0; i < 20'000; ++i) {
+        const Vec3d n = random_direction(random);
+        cells.add(Vec3d(50.0, 60.0, 70.0) + 20.0 * n, n);
+    }
+    uint64_t components = 0;
+    EXPECT_EQ(cells.right(&components), cells.size());
+    EXPECT_EQ(components, 1u);
+}
+
+// A box, of edges that normals turn at by a right angle; and one that is as thin as two cells.
+TEST(NormalOrientation, CornersAndPlates) {
+    for (const double thickness : {20.0, 2.4}) {
+        Cells cells;
+        const Vec3d low(30.3, 30.3, 30.3), high = low + Vec3d(25.0, 25.0, thickness);
+        for (int axis = 0; axis < 3; ++axis)
+            for (const double side : {-1.0, 1.0})
+                for (double a = 0.25; a < 25.0; a += 0.5)
+                    for (double b = 0.25; b < (axis == 2 ? 25.0 : thickness); b += 0.5) {
+                        Vec3d p = low + (axis == 2 ? Vec3d(a, b, 0.0) : axis == 1 ? Vec3d(a, 0.0, b) : Vec3d(0.0, a, b));
+                        if (side > 0.0) p[axis] = high[axis];
+                        cells.add(p, side * Vec3d::Unit(axis));
+                    }
+        EXPECT_EQ(cells.right(), cells.size()) << thickness;
+    }
+}
+
+// Ground and a roof that hangs above it: each looks up; a wall takes the side of the ground that it stands on.
+TEST(NormalOrientation, PartsOneByOne) {
+    Cells cells;
+    for (double x = 0.5; x < 60.0; ++x)
+        for (double y = 0.5; y < 60.0; ++y) {
+            cells.add({x, y, 20.5 + 2.0 * std::sin(0.2 * x)}, Vec3d(-0.4 * std::cos(0.2 * x), 0.0, 1.0).normalized());
+            if (x > 20.0 && x < 40.0) cells.add({x, y, 40.5}, Vec3d::UnitZ());
+        }
+    uint64_t components = 0;
+    EXPECT_EQ(cells.right(&components), cells.size());
+    EXPECT_EQ(components, 2u);
+}
+
+TEST(NormalOrientation, NothingIsNothing) {
+    NormalOrientation orientation;
+    orientation.add({});
+    orientation.solve();
+    EXPECT_EQ(orientation.components(), 0u);
+    EXPECT_FALSE(orientation.is_turned({1, 2, 3}));
+}
+
+}  // namespace
+}  // namespace strata
