@@ -48,7 +48,7 @@ void ContourInput::say_what_was_found(const ContourReport& found, double least, 
     found_ = found;
     least_ = least;
     greatest_ = greatest;
-    if (found.nan_samples > 0) notes.push_back(std::to_string(found.nan_samples) + " samples are not a number, and taken for outside");
+    if (found.nan_samples > 0 && !settings_.open_at_nan) notes.push_back(std::to_string(found.nan_samples) + " samples are not a number, and taken for outside");
     if (!(found.least <= found.greatest)) {
         notes.emplace_back("no sample has a value: the surface is empty");
         return;

@@ -30,12 +30,13 @@ namespace fs = std::filesystem;
 constexpr OptionRow kRows[] = {
     {"--output", "-o", "OUT", "", "the mesh to write: .ply, .obj, .stl or .glb"},
     {"--iso", "-i", "V,...", "", "isovalues: the surface where values cross V; several make one mesh of several colors. Needed for volumes and fog volumes; of a level set 0 if not given"},
-    {"--method", "", "METHOD", "", "marching-cubes (of volumes and .vdb files, where the default), or cubes: faces of voxels, merged to rectangles (of .svo files, where the default). Either of voxels that are made of points or a mesh first; marching-cubes of voxels is of the share of each cell that is occupied, at 0.5"},
+    {"--method", "", "METHOD", "", "marching-cubes (of volumes and .vdb files, where the default), or cubes: faces of voxels, merged to rectangles (of .svo files, where the default). Either of voxels that are made of points or a mesh first; marching-cubes of voxels is of the share of each cell that is occupied, at 0.5. smooth (of points, where the default): a surface near them, open where they end"},
     {"--inside", "", "SIDE", "", "above or below: where values are greater or less than the isovalue the surface is solid; default: above, of a level set below"},
     {"--close", "", "", "", "of volumes: close the surface where it meets the boundary"},
     {"--normals", "-n", "", "", "normals of vertices, from the gradient of the values; of cubes those of faces, which then share vertices only where they look the same way"},
     {"--voxel-size", "-s", "UNITS", "", "side of the voxels to make of points or a mesh, CRS units; of a .svo file the coarsest cells that are no larger"},
-    {"--radius", "", "UNITS", "", "of points: the surface around balls of this radius, closed whatever the points are; samples lie --voxel-size apart, half the radius if not given"},
+    {"--radius", "", "UNITS", "", "of points: the surface around balls of this radius, closed whatever the points are; samples lie --voxel-size apart, half the radius if not given. With --method smooth: how far a point has a say, 2 to 7 times --voxel-size; default: 3 times what lies between points, and --voxel-size a third of it"},
+    {"--viewpoint", "", "X,Y,Z", "", "of points, for --method smooth: where the scanner stood, CRS units: normals look there; default: those of the points, else as neighbors agree"},
     {"--error", "-e", "VOXELS|PXpx", "", "of a .svo file: the coarsest cells whose cubes lie within so many voxels of the finest, or, such as 1.5px, pixels of a picture: of --camera, else what render --view iso shows"},
     {"--camera", "", "FILE.json", "", "of --error in pixels: the camera, as render has it"},
     {"--size", "", "WIDTHxHEIGHT", "1920x1080", "of --error in pixels: of the picture"},
@@ -139,6 +140,15 @@ CellError parse_error(const Options& options) {
     return error;
 }
 
+const char* method_name(SurfaceMethod method) {
+    switch (method) {
+        case SurfaceMethod::marching_cubes: return "marching-cubes";
+        case SurfaceMethod::cubes: return "cubes";
+        case SurfaceMethod::smooth: return "smooth";
+    }
+    return "";
+}
+
 double positive(const Options& options, const char* flag) {
     const double value = options.number(flag);
     if (!(value > 0.0)) throw Error(ErrorKind::usage, std::string(flag) + ": expected a positive number, got '" + options.text(flag) + "'");
@@ -159,8 +169,9 @@ SurfaceRequest request_of(const Options& options, const std::string& folder) {
     if (options.given("--iso")) request.isovalues = parse_isovalues(options.text("--iso"));
     if (options.given("--method")) {
         const std::string method = options.text("--method");
-        if (method != "marching-cubes" && method != "cubes") throw Error(ErrorKind::usage, "--method: expected marching-cubes or cubes, got '" + method + "'");
-        request.method = method == "cubes" ? SurfaceMethod::cubes : SurfaceMethod::marching_cubes;
+        for (const SurfaceMethod known : {SurfaceMethod::marching_cubes, SurfaceMethod::cubes, SurfaceMethod::smooth})
+            if (method == method_name(known)) request.method = known;
+        if (!request.method) throw Error(ErrorKind::usage, "--method: expected marching-cubes, cubes or smooth, got '" + method + "'");
     }
     if (options.given("--inside")) {
         const std::string side = options.text("--inside");
@@ -169,6 +180,10 @@ SurfaceRequest request_of(const Options& options, const std::string& folder) {
     }
     if (options.given("--voxel-size")) request.voxel_size = positive(options, "--voxel-size");
     if (options.given("--radius")) request.radius = positive(options, "--radius");
+    if (options.given("--viewpoint")) {
+        const std::vector<double> place = options.numbers("--viewpoint", 3);
+        request.viewpoint = Vec3d(place[0], place[1], place[2]);
+    }
     if (options.given("--error")) request.error = parse_error(options);
     else for (const char* const flag : {"--camera", "--size"})
         if (options.given(flag)) throw Error(ErrorKind::usage, std::string(flag) + " is for --error in pixels, such as --error 1px");
@@ -188,8 +203,7 @@ bool has_volume(const SurfaceReport& surface, SurfaceMethod method, const Surfac
 
 nlohmann::ordered_json report_json(const std::string& path, const Written& written, const SurfaceInput& input, const SurfaceRequest& request) {
     const SurfaceReport& surface = written.surface;
-    const bool cubes = input.method() == SurfaceMethod::cubes;
-    nlohmann::ordered_json report = {{"output", path}, {"method", cubes ? "cubes" : "marching-cubes"}, {"vertices", surface.vertices}, {"triangles", surface.triangles}, {"quads", surface.quads}};
+    nlohmann::ordered_json report = {{"output", path}, {"method", method_name(input.method())}, {"vertices", surface.vertices}, {"triangles", surface.triangles}, {"quads", surface.quads}};
     add_surface(surface, has_volume(surface, input.method(), request), report);
     report["bounds"] = box_json(surface.bounds);
     input.add_to(report);

@@ -15,6 +15,10 @@ void refuse_attributes(const SurfaceRequest& request, const std::string& path) {
     if (!request.attributes.empty()) throw Error(ErrorKind::usage, path + ": --attributes is not for such an input");
 }
 
+void refuse_viewpoint(const SurfaceRequest& request) {
+    if (request.viewpoint) throw Error(ErrorKind::usage, "--viewpoint is for points and --method smooth");
+}
+
 // What is stored sparsely ends before its grid does, and cubes are closed.
 void refuse_close(const SurfaceRequest& request) {
     if (request.close) throw Error(ErrorKind::usage, "--close is for volumes; this surface meets no boundary");
@@ -37,6 +41,7 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
     if (request.raw) {
         if (!one) throw Error(ErrorKind::usage, "--dimensions: one file of samples is expected");
         refuse_attributes(request, path);
+        refuse_viewpoint(request);
         return surface_of_volume(path, request);
     }
     const bool cubes = request.method == SurfaceMethod::cubes;
@@ -45,23 +50,30 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         const FormatKind kind = kind_of(word);
         if (words.size() > 1 && kind != FormatKind::points && kind != FormatKind::layered)
             throw Error(ErrorKind::usage, word + ": one volume, grid, mesh or voxel file at a time is expected; only points may come in several files");
+        if (request.method == SurfaceMethod::smooth && kind != FormatKind::points && kind != FormatKind::layered) throw Error(ErrorKind::usage, word + ": --method smooth is for points");
         const char* const without_points = kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : kind == FormatKind::volume || kind == FormatKind::grids ? "values on a grid" : nullptr;
         if (request.radius && without_points != nullptr) throw Error(ErrorKind::usage, word + ": --radius is not for " + without_points + "; it is for points");
-        if (kind != FormatKind::points && kind != FormatKind::layered) refuse_attributes(request, word);
+        if (kind != FormatKind::points && kind != FormatKind::layered) {
+            refuse_attributes(request, word);
+            refuse_viewpoint(request);
+        }
         if (kind == FormatKind::volume) return surface_of_volume(word, request);
         refuse_close(request);
         if (kind == FormatKind::voxels) return surface_of_voxels(word, request.method.value_or(SurfaceMethod::cubes), request);
         if (kind == FormatKind::grids && !cubes) return surface_of_grid(word, request);
     }
     refuse_close(request);  // folders of points
-    if (request.radius) {
-        if (cubes) throw Error(ErrorKind::usage, "--radius makes a surface of balls, --method cubes one of voxels");
-        refuse_attributes(request, path);
-        return surface_of_balls(words, request);
+    if (request.radius && cubes) throw Error(ErrorKind::usage, "--radius makes a surface of balls or a smooth one, --method cubes one of voxels");
+    const FormatKind kind = one ? identify_format(path).kind : FormatKind::points;
+    if (kind != FormatKind::mesh && kind != FormatKind::grids) {
+        if (request.method == SurfaceMethod::smooth || (!request.method && !request.radius)) return smooth_surface(words, request);
+        refuse_viewpoint(request);
+        if (request.radius) return surface_of_balls(words, request);
     }
+    refuse_viewpoint(request);
     refuse_attributes(request, path);
-    if (!request.method) throw Error(ErrorKind::usage, path + ": of points and meshes --method cubes or marching-cubes with --voxel-size makes a surface, of points also --radius");
-    return surface_by_voxels(words, one && identify_format(path).kind == FormatKind::grids, *request.method, request);
+    if (!request.method) throw Error(ErrorKind::usage, path + ": of meshes --method cubes or marching-cubes with --voxel-size makes a surface");
+    return surface_by_voxels(words, kind == FormatKind::grids, *request.method, request);
 }
 
 }  // namespace strata

@@ -20,7 +20,7 @@
 
 namespace strata {
 
-enum class SurfaceMethod { marching_cubes, cubes };
+enum class SurfaceMethod { marching_cubes, cubes, smooth };
 
 /// How far cubes of coarser cells may lie from the voxels.
 struct CellError {
@@ -38,7 +38,8 @@ struct SurfaceRequest {
     bool close = false, normals = false;
     std::optional<double> voxel_size;          // of cells of voxels; world units
     std::optional<CellError> error;            // likewise
-    std::optional<double> radius;              // of balls around points; world units
+    std::optional<double> radius;              // of balls around points, and of what a point has a say in; world units
+    std::optional<Vec3d> viewpoint;            // world: normals of points look there
     bool quads = false;                        // of cubes: rectangles as they are
     std::vector<std::pair<VoxelColor, uint8_t>> transparent;  // of cubes: colors that can be seen through, and their opacities
     std::vector<std::string> attributes;       // for the vertices, each once

@@ -17,5 +17,6 @@ std::unique_ptr<SurfaceInput> surface_of_voxels(const std::string& path, Surface
 /// Of what voxels are made of first.
 std::unique_ptr<SurfaceInput> surface_by_voxels(std::span<const std::string> words, bool is_grid, SurfaceMethod method, const SurfaceRequest& request);
 std::unique_ptr<SurfaceInput> surface_of_balls(std::span<const std::string> words, const SurfaceRequest& request);
+std::unique_ptr<SurfaceInput> smooth_surface(std::span<const std::string> words, const SurfaceRequest& request);  // of points
 
 }  // namespace strata

@@ -316,7 +316,7 @@ TEST_F(Surface, AWrongCommandLineIsExitCode2) {
         {{in, "-o", out, "--iso", "0", "--error", "px"}, "--error: expected a number"},
         {{in, "-o", out, "--iso", "0", "--error", "1", "--size", "10x10"}, "--size is for --error in pixels, such as --error 1px"},
         {{in, "-o", out, "--iso", "0", "--camera", "x.json"}, "--camera is for --error in pixels"},
-        {{in, "-o", out, "--iso", "0", "--method", "dual"}, "--method: expected marching-cubes or cubes"},
+        {{in, "-o", out, "--iso", "0", "--method", "dual"}, "--method: expected marching-cubes, cubes or smooth"},
         {{in, "-o", out, "--iso", "0", "--inside", "left"}, "--inside: expected above or below"},
         {{in, "-o", out, "--iso", "0", "--method", "cubes"}, "--method cubes is for voxels"},
         {{in, "-o", out, "--iso", "0", "--voxel-size", "1"}, "--voxel-size is for voxels"},
