@@ -1,5 +1,6 @@
 #pragma once
 
+#include "app/commands/surface_attributes.h"
 #include "app/commands/surface_input.h"
 #include "core/surface/contour.h"
 
@@ -10,7 +11,8 @@ class ContourInput : public SurfaceInput {
 public:
     SurfaceMethod method() const override { return SurfaceMethod::marching_cubes; }
     bool has_normals() const override { return settings_.normals; }
-    bool has_colors() const override { return !settings_.colors.empty(); }
+    bool has_colors() const override { return !settings_.colors.empty() || attributes_.has_colors(); }
+    std::vector<std::string> scalar_names() const override { return attributes_.names(); }
     void add_to(nlohmann::ordered_json& report) const override;
 
 protected:
@@ -24,6 +26,7 @@ protected:
     void say_what_was_found(const ContourReport& found, double least, double greatest);
 
     ContourSettings settings_;
+    SurfaceAttributes attributes_;
 
 private:
     ContourReport found_;

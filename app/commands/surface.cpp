@@ -18,6 +18,7 @@
 #include "app/peak_memory.h"
 #include "app/quantity_text.h"
 #include "core/error.h"
+#include "core/surface/scalar_ranges.h"
 #include "core/surface/surface_report.h"
 #include "io/mesh/surface_writer.h"
 #include "io/scratch_file.h"
@@ -42,7 +43,7 @@ constexpr OptionRow kRows[] = {
     {"--size", "", "WIDTHxHEIGHT", "1920x1080", "of --error in pixels: of the picture"},
     {"--quads", "", "", "", "of cubes: each rectangle with four corners of its own, not cut where others meet it; pixels between rectangles may stay open"},
     {"--transparent", "", "LIST", "", "of cubes: colors that can be seen through, as RRGGBB:OPACITY with commas, opacity 0 to 254; what lies behind them keeps its faces"},
-    {"--attributes", "", "LIST", "", "values for the vertices, with commas, at most 16: of points names of attributes. .ply and .glb keep them, and render --color shows those of a .ply"},
+    {"--attributes", "", "LIST", "", "values for the vertices, with commas, at most 16: of points names of attributes, of volumes other volume files (of the same samples, or any that fits in memory), of a .vdb file other grids (one called color, rgb or Cd makes colors). .ply and .glb keep them, and render --color shows those of a .ply"},
     {"--grid", "", "NAME", "", "of a .vdb file: the grid of that name; default: the first that can be read"},
     {"--dimensions", "", "XxYxZ", "", "IN is samples alone, so many along each axis, the first running fastest"},
     {"--type", "", "TYPE", "uint8", "of samples alone: int8 to int64, uint8 to uint64, float or double"},
@@ -201,12 +202,17 @@ bool has_volume(const SurfaceReport& surface, SurfaceMethod method, const Surfac
     return surface.triangles + surface.quads > 0 && (surface.is_closed() || (method == SurfaceMethod::cubes && request.transparent.empty()));
 }
 
-nlohmann::ordered_json report_json(const std::string& path, const Written& written, const SurfaceInput& input, const SurfaceRequest& request) {
+nlohmann::ordered_json report_json(const std::string& path, const Written& written, const SurfaceInput& input, std::span<const ScalarRanges::Range> scalars, const SurfaceRequest& request) {
     const SurfaceReport& surface = written.surface;
     nlohmann::ordered_json report = {{"output", path}, {"method", method_name(input.method())}, {"vertices", surface.vertices}, {"triangles", surface.triangles}, {"quads", surface.quads}};
     add_surface(surface, has_volume(surface, input.method(), request), report);
     report["bounds"] = box_json(surface.bounds);
     input.add_to(report);
+    report["attributes"] = nlohmann::ordered_json::array();
+    for (const ScalarRanges::Range& range : scalars) {
+        const auto number = [&](float value) { return range.known() ? nlohmann::ordered_json(value) : nlohmann::ordered_json(); };
+        report["attributes"].push_back({{"name", range.name}, {"min", number(range.least)}, {"max", number(range.greatest)}, {"unknown", range.unknown}});
+    }
     report.update({{"seconds", written.seconds}, {"peak_memory_bytes", peak_memory_bytes()}, {"output_bytes", written.bytes}, {"notes", input.notes}});
     return report;
 }
@@ -233,6 +239,7 @@ int run(const Options& options) {
     const std::string folder = fs::absolute(path).parent_path().string();
     SurfaceRequest request = request_of(options, folder);
     check_inputs_spared(path, options.positional);
+    check_inputs_spared(path, request.attributes);  // of volumes names of files
     check_output_path(path, overwrite);
 
     const auto start = std::chrono::steady_clock::now();
@@ -247,7 +254,10 @@ int run(const Options& options) {
     const std::unique_ptr<SurfaceWriter> writer = make_surface_writer(path, {.overwrite = overwrite, .normals = input->has_normals(), .colors = input->has_colors(), .scalars = input->scalar_names(), .bounds = input->bounds(),
                                                                              .edge = input->edge(), .scratch_folder = folder, .positions = &measured.positions()});
     measured.set_next(writer.get());
-    input->extract(measured, progress);
+    ScalarRanges scalars(measured, input->scalar_names());
+    input->extract(scalars, progress);
+    for (const ScalarRanges::Range& range : scalars.ranges())
+        if (!range.known() && range.unknown > 0) input->notes.push_back("attribute " + range.name + ": its value is known nowhere on the surface");
     const Durability durability = options.given("--no-sync") ? Durability::unsynced : Durability::synced;
     Written written = {.surface = measured.report(), .bytes = writer->commit(durability)};
     progress.clear();
@@ -255,7 +265,7 @@ int run(const Options& options) {
     if (!writer->keeps_quads()) written.surface.triangles += 2 * std::exchange(written.surface.quads, 0);
     for (const std::string& note : writer->notes()) input->notes.push_back(note);
     if (!quiet) print_notes(input->notes);
-    if (json) print_json(report_json(path, written, *input, request));
+    if (json) print_json(report_json(path, written, *input, scalars.ranges(), request));
     else if (!quiet) print_summary(path, written, has_volume(written.surface, input->method(), request));
     return 0;
 }

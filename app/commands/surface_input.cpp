@@ -40,7 +40,6 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
     const bool one = words.size() == 1 && !std::filesystem::is_directory(path);
     if (request.raw) {
         if (!one) throw Error(ErrorKind::usage, "--dimensions: one file of samples is expected");
-        refuse_attributes(request, path);
         refuse_viewpoint(request);
         return surface_of_volume(path, request);
     }
@@ -53,10 +52,9 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         if (request.method == SurfaceMethod::smooth && kind != FormatKind::points && kind != FormatKind::layered) throw Error(ErrorKind::usage, word + ": --method smooth is for points");
         const char* const without_points = kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : kind == FormatKind::volume || kind == FormatKind::grids ? "values on a grid" : nullptr;
         if (request.radius && without_points != nullptr) throw Error(ErrorKind::usage, word + ": --radius is not for " + without_points + "; it is for points");
-        if (kind != FormatKind::points && kind != FormatKind::layered) {
-            refuse_attributes(request, word);
-            refuse_viewpoint(request);
-        }
+        const bool has_attributes = kind == FormatKind::points || kind == FormatKind::layered || kind == FormatKind::volume || (kind == FormatKind::grids && !cubes);
+        if (!has_attributes) refuse_attributes(request, word);
+        if (kind != FormatKind::points && kind != FormatKind::layered) refuse_viewpoint(request);
         if (kind == FormatKind::volume) return surface_of_volume(word, request);
         refuse_close(request);
         if (kind == FormatKind::voxels) return surface_of_voxels(word, request.method.value_or(SurfaceMethod::cubes), request);

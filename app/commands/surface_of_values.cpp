@@ -38,6 +38,9 @@ public:
             throw isovalue_expected(path, range.values > 0 ? range.min : 1.0, range.values > 0 ? range.max : 0.0);
         }
         set_colors();
+        attributes_ = SurfaceAttributes::of_volumes(*volume_, request, request.memory_bytes / 2);
+        settings_.memory_bytes -= attributes_.memory_bytes();
+        notes.insert(notes.end(), attributes_.notes().begin(), attributes_.notes().end());
     }
 
     Box3d bounds() const override {
@@ -53,7 +56,7 @@ public:
 
     void extract(SurfaceSink& out, ProgressLine& progress) override {
         SlicesWithProgress slices(*volume_, progress);
-        const ContourReport found = contour_slices(slices, settings_, out);
+        const ContourReport found = attributes_.extract_with(out, [&](SurfaceSink& sink) { return contour_slices(slices, settings_, sink); });
         say_what_was_found(found, found.least, found.greatest);
     }
 
@@ -64,7 +67,7 @@ private:
 class GridInput : public ContourInput {
 public:
     GridInput(const std::string& path, const SurfaceRequest& request)
-        : ContourInput(request, ContourInside::above), field_(open_vdb_field(path, {.grid = request.grid, .memory_bytes = request.memory_bytes / 2, .scratch = request.scratch})) {
+        : ContourInput(request, ContourInside::above), field_(open_vdb_field(path, {.grid = request.grid, .memory_bytes = request.memory_bytes / (request.attributes.empty() ? 2 : 4), .scratch = request.scratch})) {
         settings_.memory_bytes = request.memory_bytes / 2;
         refuse_flags_of_voxels(request);
         const bool is_level_set = field_->grid().grid_class == "level set";
@@ -78,11 +81,15 @@ public:
                 throw Error(ErrorKind::usage, path + ": what lies far outside has the value " + value_text(field_->background()) + ", which the isovalue " + value_text(isovalue) + " takes for inside");
         }
         set_colors();
+        attributes_ = SurfaceAttributes::of_grids(path, request, request.memory_bytes / 4);
     }
 
     Box3d bounds() const override { return field_->bounds(); }
     double edge() const override { return field_->grid().voxel_size->cwiseAbs().minCoeff(); }
-    void extract(SurfaceSink& out, ProgressLine&) override { say_what_was_found(contour_bricks(*field_, settings_, out), field_->least(), field_->greatest()); }
+    void extract(SurfaceSink& out, ProgressLine&) override { 
+        const ContourReport found = attributes_.extract_with(out, [&](SurfaceSink& sink) { return contour_bricks(*field_, settings_, sink); });
+        say_what_was_found(found, field_->least(), field_->greatest());
+    }
 
 private:
     std::unique_ptr<VdbField> field_;

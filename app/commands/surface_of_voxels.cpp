@@ -10,6 +10,7 @@
 #include "app/commands/isovalues.h"
 #include "app/commands/voxel_input.h"
 #include "core/error.h"
+#include "core/surface/cell_colors.h"
 #include "core/surface/coverage_field.h"
 #include "core/surface/cube_surface.h"
 #include "core/voxel/voxel_bounds.h"
@@ -142,6 +143,9 @@ public:
             if (below || isovalue <= 0.0) throw Error(ErrorKind::usage, below ? "--inside below is not for voxels: nothing is outside" : "--iso: of voxels it is a share above 0, got " + value_text(isovalue));
         set_colors();
         notes = voxels_.notes;
+        // Several isovalues have colors of their own.
+        if (settings_.colors.empty() && CellColorsAtVertices::has_colors(voxels_.tree, voxels_.depth))
+            attributes_.set_colors(std::make_unique<CellColorsAtVertices>(voxels_.tree, voxels_.depth, request.threads));
     }
 
     Box3d bounds() const override { return occupied_bounds(voxels_.tree); }
@@ -152,7 +156,8 @@ public:
             return;
         }
         CoverageField field(voxels_.tree, voxels_.depth, settings_.threads, settings_.memory_bytes / 2);
-        say_what_was_found(contour_bricks(field, settings_, out), 0.0, 1.0);
+        const ContourReport found = attributes_.extract_with(out, [&](SurfaceSink& sink) { return contour_bricks(field, settings_, sink); });
+        say_what_was_found(found, 0.0, 1.0);
     }
 
 private:

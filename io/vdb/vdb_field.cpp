@@ -43,13 +43,23 @@ VdbField::VdbField(const ByteSource& source, const VdbFieldSettings& settings) :
     placement_.origin = grid_.place_of_0;
     placement_.axes = grid_.voxel_size->asDiagonal();
 
+    if (settings.component.has_value() != is_vector(grid_))
+        throw Error(ErrorKind::unsupported, place_ + ": values of " + (settings.component ? "vec3s or vec3d" : "float, double, bool or mask") + " are expected, they are " + grid_.type);
+
+    constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
     VdbVisitor visitor;
-    visitor.begin = [this](double background) { see(background_ = float(background)); };
-    visitor.tile = [this](const Vec3i& origin, int log2_side, double value, bool) {
+    visitor.begin = [&](double background) { see(background_ = float(settings.only_active ? kUnknown : background)); };
+    visitor.tile = [&](const Vec3i& origin, int log2_side, double value, bool active) {
+        if (settings.only_active && !active) value = kUnknown;
         if (!is_same(float(value), background_)) add_tile(origin, log2_side, float(value));
     };
-    visitor.leaf = [this](const Vec3i& origin, std::span<const uint64_t, 8>, std::span<const double, 512> values) { add_leaf(origin, values); };
-    read_vdb_tree(stream, grid_, visitor);
+    visitor.leaf = [&](const Vec3i& origin, std::span<const uint64_t, 8> active, std::span<const double, 512> values) {
+        if (!settings.only_active) return add_leaf(origin, values);
+        std::array<double, 512> known;
+        for (size_t i = 0; i < known.size(); ++i) known[i] = active[i / 64] >> i % 64 & 1 ? values[i] : kUnknown;
+        add_leaf(origin, known);
+    };
+    read_vdb_tree(stream, grid_, visitor, settings.component.value_or(0));
 
     std::sort(bricks_.begin(), bricks_.end(), comes_before<Brick>);
     for (std::vector<Region>& tiles : tiles_) std::sort(tiles.begin(), tiles.end(), comes_before<Region>);
@@ -157,6 +167,26 @@ void VdbField::read_values(const Brick& brick, std::span<float> out) const {
     if (brick.slot == kNoSlot) std::fill(out.begin(), out.end(), brick.value);
     else if (page < pages_.size()) std::memcpy(out.data(), pages_[page].get() + brick.slot % kPageBricks * kFieldBrickSamples, kBrickBytes);
     else scratch_->read(brick.slot * kBrickBytes, std::as_writable_bytes(out));
+}
+
+float VdbField::value_at(const Vec3i& index) const {
+    const auto corner = [](int part) { return part & ~(kFieldBrickSide - 1); };
+    const Vec3i origin(corner(index.x()), corner(index.y()), corner(index.z())), place = index - origin;
+    if (last_ >= bricks_.size() || bricks_[last_].origin != origin) {
+        const Brick* const found = find(bricks_, origin);
+        if (!found) return absent_value({origin.x(), origin.y(), origin.z()});
+        last_ = size_t(found - bricks_.data());
+    }
+    const Brick& brick = bricks_[last_];
+    const size_t number = size_t(place.z() << 6 | place.y() << 3 | place.x()), page = size_t(brick.slot / kPageBricks);
+    if (brick.slot == kNoSlot) return brick.value;
+    if (page < pages_.size()) return pages_[page][brick.slot % kPageBricks * kFieldBrickSamples + number];
+    if (cached_ != last_) {
+        cache_.resize(kFieldBrickSamples);
+        read_values(brick, cache_);
+        cached_ = last_;
+    }
+    return cache_[number];
 }
 
 bool VdbField::next_layer(FieldBrickLayer& out) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,8 @@ namespace strata {
 
 struct VdbFieldSettings {
     std::string grid;                                                  // its name; empty: the first that can be read
+    std::optional<int> component;                                      // 0 to 2, of a grid of vectors; none: it is one of scalars
+    bool only_active = false;                                          // values that are not active, and the background, are NaN
     uint64_t memory_bytes = std::numeric_limits<uint64_t>::max();      // for what is kept of the tree
     ScratchStore* scratch = nullptr;                                   // for values that do not fit; null: they must
 };
@@ -44,6 +47,8 @@ public:
     float background() const override { return background_; }
     float absent_value(const std::array<int32_t, 3>& corner) const override;
     bool next_layer(FieldBrickLayer& out) override;
+    /// The value of any point. From one thread at a time, as the last brick that was found is looked at first.
+    float value_at(const Vec3i& index) const;
 
 private:
     /// A cube of points of one value, or a leaf, by its least.
@@ -81,6 +86,9 @@ private:
     std::vector<std::unique_ptr<float[]>> pages_;        // of values of bricks, those of the first slots
     uint64_t slots_ = 0;
     size_t next_ = 0;  // brick
+    // Of value_at: the last brick, and its values where the scratch store has them.
+    mutable size_t last_ = 0, cached_ = ~size_t{0};
+    mutable std::vector<float> cache_;
 };
 
 /// throws  as VdbField; Error{not_found, io}

@@ -28,13 +28,30 @@ float float_from_half(uint16_t half) {
     return std::bit_cast<float>(sign | (exponent == 31 ? 0x7F800000 : (exponent + 112) << 23) | fraction << 13);
 }
 
-// Numbers of a tree: float, double, or for truth a byte of 0 or 1.
+// Values of a tree: float, double, three of them, or for truth a byte of 0 or 1.
 template <typename T>
-constexpr bool is_truth = !std::is_floating_point_v<T>;
+constexpr bool is_truth = std::is_same_v<T, uint8_t>;
+
+template <typename Scalar>
+struct Triple {
+    std::array<Scalar, 3> parts;
+};
+
+template <typename T>
+struct Parts {
+    using Scalar = T;
+    static constexpr size_t kCount = 1;
+};
+template <typename S>
+struct Parts<Triple<S>> {
+    using Scalar = S;
+    static constexpr size_t kCount = 3;
+};
 
 template <typename T>
 T negative(T value) {
     if constexpr (is_truth<T>) return T(value == 0);
+    else if constexpr (Parts<T>::kCount == 3) return {{-value.parts[0], -value.parts[1], -value.parts[2]}};
     else return -value;
 }
 
@@ -44,7 +61,8 @@ enum class Inactive : int8_t { background, minus_background, one_value, mask_of_
 template <typename T>
 class TreeReader {
 public:
-    TreeReader(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor) : stream_(stream), grid_(grid), visitor_(visitor) {}
+    TreeReader(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor, int component = 0)
+        : stream_(stream), grid_(grid), visitor_(visitor), component_(size_t(component)) {}
 
     T read_background() {
         stream_.seek(grid_.tree_offset);
@@ -75,11 +93,19 @@ private:
 
     T read_number() {
         if constexpr (is_truth<T>) return T(stream_.number<uint8_t>() != 0);
-        else return stream_.number<T>();
+        else if constexpr (Parts<T>::kCount == 3) {
+            T value;
+            for (auto& part : value.parts) part = stream_.number<typename Parts<T>::Scalar>();
+            return value;
+        } else return stream_.number<T>();
+    }
+    double told(const T& value) const {
+        if constexpr (Parts<T>::kCount == 3) return double(value.parts[component_]);
+        else return double(value);
     }
 
     void read_root() {
-        visitor_.begin(double(background_));
+        visitor_.begin(told(background_));
         const uint32_t tiles = stream_.number<uint32_t>(), children = stream_.number<uint32_t>();
         const std::array<int64_t, 3> before = {std::numeric_limits<int64_t>::min(), 0, 0};
         std::array<int64_t, 3> last = before;
@@ -87,7 +113,7 @@ private:
             const Vec3i origin = read_root_origin(last);
             const T value = read_number();
             const bool active = stream_.number<uint8_t>() != 0;
-            visitor_.tile(origin, 12, double(value), active);
+            visitor_.tile(origin, 12, told(value), active);
         }
         last = before;
         for (uint32_t i = 0; i < children; ++i) read_upper(read_root_origin(last));
@@ -127,7 +153,7 @@ private:
             return Vec3i(origin + (in_node.array() * (1 << child_log2)).matrix());
         };
         for (size_t slot = 0; slot < kSlots; ++slot)
-            if (!is_on(*children, slot)) visitor_.tile(place(slot), child_log2, double(values[slot]), is_on(*active, slot));
+            if (!is_on(*children, slot)) visitor_.tile(place(slot), child_log2, told(values[slot]), is_on(*active, slot));
         for (size_t slot = 0; slot < kSlots; ++slot)
             if (is_on(*children, slot)) read_child(place(slot));
     }
@@ -144,7 +170,7 @@ private:
         } else {
             std::array<T, 512> stored;
             read_values(std::span<T>(stored), active);
-            for (size_t i = 0; i < values.size(); ++i) values[i] = double(stored[i]);
+            for (size_t i = 0; i < values.size(); ++i) values[i] = told(stored[i]);
         }
         visitor_.leaf(origin, active, values);
     }
@@ -176,12 +202,16 @@ private:
     void read_numbers(std::span<T> out) {
         if (grid_.is_half && !is_truth<T>) {
             if (out.empty()) return;  // then nothing is stored, not even a length
-            bytes_.resize(out.size() * 2);
+            using Scalar = typename Parts<T>::Scalar;
+            const size_t count = out.size() * Parts<T>::kCount;
+            bytes_.resize(count * 2);
             read_bytes(bytes_);
-            for (size_t i = 0; i < out.size(); ++i) {
+            auto* const parts = reinterpret_cast<std::byte*>(out.data());
+            for (size_t i = 0; i < count; ++i) {
                 uint16_t half;
                 std::memcpy(&half, bytes_.data() + 2 * i, sizeof half);
-                out[i] = T(float_from_half(half));
+                const auto part = Scalar(float_from_half(half));
+                std::memcpy(parts + i * sizeof part, &part, sizeof part);
             }
             return;
         }
@@ -227,6 +257,7 @@ private:
     ByteStream& stream_;
     const VdbGrid& grid_;
     const VdbVisitor& visitor_;
+    size_t component_;
     T background_{};
     std::vector<std::array<int32_t, 3>> leaves_;
     std::vector<T> upper_values_, lower_values_;
@@ -239,6 +270,8 @@ bool is_readable(const VdbGrid& grid) {
     return grid.is_common && grid.tree_offset != 0 && (grid.type == "float" || grid.type == "double" || grid.type == "bool" || grid.type == "mask");
 }
 
+bool is_vector(const VdbGrid& grid) { return grid.is_common && grid.tree_offset != 0 && (grid.type == "vec3s" || grid.type == "vec3d"); }
+
 double read_vdb_background(ByteStream& stream, const VdbGrid& grid) {
     const VdbVisitor none;
     if (grid.type == "float") return double(TreeReader<float>(stream, grid, none).read_background());
@@ -246,9 +279,11 @@ double read_vdb_background(ByteStream& stream, const VdbGrid& grid) {
     return double(TreeReader<uint8_t>(stream, grid, none).read_background());
 }
 
-void read_vdb_tree(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor) {
+void read_vdb_tree(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor, int component) {
     if (grid.is_common && grid.tree_offset == 0)
         throw Error(ErrorKind::unsupported, stream.name() + ": grid " + grid.name + ": its tree stands behind a transform that is not read");
+    if (grid.type == "vec3s" && is_vector(grid)) return TreeReader<Triple<float>>(stream, grid, visitor, component).read();
+    if (is_vector(grid)) return TreeReader<Triple<double>>(stream, grid, visitor, component).read();
     if (!is_readable(grid))
         throw Error(ErrorKind::unsupported, stream.name() + ": grid " + grid.name + ": values of float, double, bool or mask are expected, they are " + grid.type);
     if (grid.type == "float")

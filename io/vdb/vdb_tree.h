@@ -21,12 +21,15 @@ struct VdbVisitor {
 
 /// Whether trees of its type are read, and it is known where its tree is.
 bool is_readable(const VdbGrid& grid);
+/// Likewise of trees of three numbers a point, of which one at a time is read.
+bool is_vector(const VdbGrid& grid);
 
 /// The value of what no node of a grid that is_readable says.
 double read_vdb_background(ByteStream& stream, const VdbGrid& grid);
 
 /// Reads a grid's tree: its branches first, then its leaves. Keeps 12 bytes a leaf.
+/// component  of a grid that is_vector, 0 to 2; of others it does not count
 /// throws  Error{malformed}, naming the byte; Error{unsupported}: a type or a transform that is not read; values that cannot be decompressed
-void read_vdb_tree(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor);
+void read_vdb_tree(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor, int component = 0);
 
 }  // namespace strata
