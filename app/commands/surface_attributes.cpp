@@ -51,9 +51,8 @@ void SurfaceAttributes::add(const std::string& name, std::unique_ptr<ValuesAtVer
 SurfaceAttributes SurfaceAttributes::of_volumes(const VolumeSource& main, const SurfaceRequest& request, uint64_t memory_bytes) {
     SurfaceAttributes attributes;
     if (request.attributes.empty()) return attributes;
-    attributes.memory_bytes_ = SurfaceWithValues::working_bytes(request.attributes.size(), false);
     const auto refuse = [&](const std::string& path, uint64_t bytes) {
-        throw Error(ErrorKind::limit, "--attributes: " + path + ": its values need " + size_text(bytes) + " of memory, " + size_text(memory_bytes - std::min(memory_bytes, attributes.memory_bytes_)) +
+        throw Error(ErrorKind::limit, "--attributes: " + path + ": its values need " + size_text(bytes) + " of memory, " + size_text(memory_bytes - attributes.memory_bytes_) +
                                           " are left; --memory gives more");
     };
     for (const std::string& path : request.attributes) {
@@ -61,7 +60,7 @@ SurfaceAttributes SurfaceAttributes::of_volumes(const VolumeSource& main, const 
         for (const std::string& note : volume->header().notes) attributes.notes_.push_back(path + ": " + note);
         const bool same = is_same_grid(main, *volume);
         const uint64_t bytes = same ? SlicesAtVertices::memory_bytes(volume->size()) : volume->header().samples() * sizeof(float);
-        if (bytes > memory_bytes - std::min(memory_bytes, attributes.memory_bytes_)) refuse(path, bytes);
+        if (bytes > memory_bytes - attributes.memory_bytes_) refuse(path, bytes);
         attributes.memory_bytes_ += bytes;
         std::unique_ptr<ValuesAtVertices> values;
         if (same) values = std::make_unique<SlicesAtVertices>(*volume, request.threads);

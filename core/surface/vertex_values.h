@@ -36,11 +36,9 @@ public:
 
 /// Gives the pieces of a surface attributes and colors by the places of their vertices, and hands them on, large ones in parts. Nothing that
 /// makes a surface needs to know of them.
+/// cost  beside what values are looked up in, 400 KB and 64 KB an attribute
 class SurfaceWithValues : public SurfaceSink {
 public:
-    /// Bytes that this takes beside what it looks values up in.
-    static uint64_t working_bytes(size_t attributes, bool colors) { return kMostVertices * (attributes * sizeof(float) + (colors ? 4 : 0) + sizeof(Vec3d)); }
-
     /// next  must outlive it
     explicit SurfaceWithValues(SurfaceSink& next) : next_(next) {}
 
@@ -53,7 +51,7 @@ public:
     void finish();
 
 private:
-    static constexpr size_t kMostVertices = size_t{1} << 16;  // of a part
+    static constexpr size_t kMostVertices = size_t{1} << 14;  // of a part
 
     struct Attribute {
         std::string name;
