@@ -43,8 +43,7 @@ VdbField::VdbField(const ByteSource& source, const VdbFieldSettings& settings) :
     placement_.origin = grid_.place_of_0;
     placement_.axes = grid_.voxel_size->asDiagonal();
 
-    if (settings.component.has_value() != is_vector(grid_))
-        throw Error(ErrorKind::unsupported, place_ + ": values of " + (settings.component ? "vec3s or vec3d" : "float, double, bool or mask") + " are expected, they are " + grid_.type);
+    if (settings.component && !is_vector(grid_)) throw Error(ErrorKind::unsupported, place_ + ": values of vec3s or vec3d are expected, they are " + grid_.type);
 
     constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
     VdbVisitor visitor;
@@ -59,7 +58,7 @@ VdbField::VdbField(const ByteSource& source, const VdbFieldSettings& settings) :
         for (size_t i = 0; i < known.size(); ++i) known[i] = active[i / 64] >> i % 64 & 1 ? values[i] : kUnknown;
         add_leaf(origin, known);
     };
-    read_vdb_tree(stream, grid_, visitor, settings.component.value_or(0));
+    read_vdb_tree(stream, grid_, visitor, settings.component);
 
     std::sort(bricks_.begin(), bricks_.end(), comes_before<Brick>);
     for (std::vector<Region>& tiles : tiles_) std::sort(tiles.begin(), tiles.end(), comes_before<Region>);

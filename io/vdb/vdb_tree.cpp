@@ -279,11 +279,13 @@ double read_vdb_background(ByteStream& stream, const VdbGrid& grid) {
     return double(TreeReader<uint8_t>(stream, grid, none).read_background());
 }
 
-void read_vdb_tree(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor, int component) {
+void read_vdb_tree(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor, std::optional<int> component) {
     if (grid.is_common && grid.tree_offset == 0)
         throw Error(ErrorKind::unsupported, stream.name() + ": grid " + grid.name + ": its tree stands behind a transform that is not read");
-    if (grid.type == "vec3s" && is_vector(grid)) return TreeReader<Triple<float>>(stream, grid, visitor, component).read();
-    if (is_vector(grid)) return TreeReader<Triple<double>>(stream, grid, visitor, component).read();
+    if (component && is_vector(grid)) {
+        if (grid.type == "vec3s") return TreeReader<Triple<float>>(stream, grid, visitor, *component).read();
+        return TreeReader<Triple<double>>(stream, grid, visitor, *component).read();
+    }
     if (!is_readable(grid))
         throw Error(ErrorKind::unsupported, stream.name() + ": grid " + grid.name + ": values of float, double, bool or mask are expected, they are " + grid.type);
     if (grid.type == "float")

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 
 #include "core/math/vec.h"
@@ -28,8 +29,8 @@ bool is_vector(const VdbGrid& grid);
 double read_vdb_background(ByteStream& stream, const VdbGrid& grid);
 
 /// Reads a grid's tree: its branches first, then its leaves. Keeps 12 bytes a leaf.
-/// component  of a grid that is_vector, 0 to 2; of others it does not count
+/// component  of a grid that is_vector, 0 to 2, which is not read without; of others it does not count
 /// throws  Error{malformed}, naming the byte; Error{unsupported}: a type or a transform that is not read; values that cannot be decompressed
-void read_vdb_tree(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor, int component = 0);
+void read_vdb_tree(ByteStream& stream, const VdbGrid& grid, const VdbVisitor& visitor, std::optional<int> component = std::nullopt);
 
 }  // namespace strata
