@@ -1,5 +1,6 @@
 #include "core/surface/cube_surface.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -59,20 +60,17 @@ struct Part {
 
 class CubeSurface {
 public:
-    CubeSurface(const VoxelTree& tree, const CubeSurfaceSettings& settings, SurfaceSink& out)
-        : tree_(tree), settings_(settings), out_(out), depth_(settings.depth == 0 ? tree.depth() : settings.depth), bricks_(tree, depth_) {
-        materials_.by_color = settings.colors && has_colors(tree, depth_);
+    CubeSurface(const CubeBrickSource& bricks, const CubeSurfaceSettings& settings, SurfaceSink& out) : settings_(settings), out_(out), bricks_(bricks), placement_(bricks.placement()) {
+        materials_.by_color = settings.colors && bricks.has_colors();
         for (const auto& [color, opacity] : settings.transparent)
             if (opacity < 255) materials_.transparent.push_back(color);
-        cell_size_ = tree.frame.voxel_size * double(uint64_t{1} << (tree.frame.depth() - depth_));
-    }
-
-    static bool has_colors(const VoxelTree& tree, int depth) {
-        return size_t(depth) < tree.attributes.size() && !tree.attributes[size_t(depth)].colors.empty();
+        const Mat3d across = placement_.axes.inverse().transpose();
+        for (int axis = 0; axis < 3; ++axis)
+            for (const int side : {0, 1}) normals_[size_t(2 * axis + side)] = ((side == 0 ? 1.0 : -1.0) * across.col(axis).normalized()).cast<float>() + Vec3f::Zero();
     }
 
     CubeSurfaceCounts run() {
-        counts_.solid_voxels = count_cells(tree_, depth_);
+        counts_.solid_voxels = bricks_.cells();
         counts_.faces_uncut = 6 * counts_.solid_voxels;
         hold(bricks_.size() * (kTreeBrickBytes + (closed() ? sizeof corners_[0] + sizeof shared_[0] : 0)));
         if (closed()) find_corners();
@@ -215,12 +213,15 @@ private:
         part.normals.assign(settings_.normals ? vertices : 0, Vec3f::Zero());
         for (size_t i = 0; i < vertices; ++i) {
             const CubeVertex& vertex = part.mesh.vertices[i];
-            for (int axis = 0; axis < 3; ++axis)
-                part.positions[i][axis] =
-                    float(cell_size_ * double(uint64_t{place[size_t(axis)]} * kCubeBrickSide + uint64_t(vertex.corner[axis])));
+            Vec3d corner;
+            for (int axis = 0; axis < 3; ++axis) corner[axis] = double(uint64_t{place[size_t(axis)]} * kCubeBrickSide + uint64_t(vertex.corner[axis]));
+            part.positions[i] = (placement_.axes * corner).cast<float>();
             if (!part.colors.empty()) part.colors[i] = color_of(vertex.material);
-            if (!part.normals.empty()) part.normals[i][vertex.direction / 2] = vertex.direction % 2 == 0 ? 1.0f : -1.0f;
+            if (!part.normals.empty()) part.normals[i] = normals_[vertex.direction];
         }
+        if (!placement_.is_mirrored()) return;
+        for (auto& t : part.mesh.triangles) std::swap(t[1], t[2]);
+        for (auto& q : part.mesh.quads) std::swap(q[1], q[3]);
     }
 
     std::array<uint8_t, 4> color_of(uint32_t material) const {
@@ -269,7 +270,7 @@ private:
             hold(bytes_of(shared));
             for (const auto& [vertex, number] : part.shared) shared.emplace_back(vertex, numbers_[number]);
         }
-        out_.add({.origin = tree_.frame.origin,
+        out_.add({.origin = placement_.origin,
                   .positions = std::span(part.positions).first(kept),
                   .normals = std::span(part.normals).first(part.normals.empty() ? 0 : kept),
                   .colors = std::span(part.colors).first(part.colors.empty() ? 0 : kept),
@@ -309,13 +310,12 @@ private:
         });
     }
 
-    const VoxelTree& tree_;
     const CubeSurfaceSettings& settings_;
     SurfaceSink& out_;
-    int depth_;
-    TreeBricks bricks_;
+    const CubeBrickSource& bricks_;
+    GridPlacement placement_;
+    std::array<Vec3f, 6> normals_;  // by direction
     CubeMaterials materials_;
-    double cell_size_;
     IdlePool<Worker> workers_;
     CubeSurfaceCounts counts_;
     std::atomic<uint64_t> held_bytes_ = 0;  // of memory_bytes
@@ -332,9 +332,13 @@ CubeSurfaceCounts mesh_cubes(const VoxelTree& tree, const CubeSurfaceSettings& s
         throw Error(ErrorKind::usage,
                     "expected a depth of 1 to " + std::to_string(tree.depth()) + ", got " + std::to_string(settings.depth));
     const int depth = settings.depth == 0 ? tree.depth() : settings.depth;
-    if (!settings.transparent.empty() && !(settings.colors && CubeSurface::has_colors(tree, depth)))
+    return mesh_cubes(TreeBricks(tree, depth), settings, out);
+}
+
+CubeSurfaceCounts mesh_cubes(const CubeBrickSource& bricks, const CubeSurfaceSettings& settings, SurfaceSink& out) {
+    if (!settings.transparent.empty() && !(settings.colors && bricks.has_colors()))
         throw Error(ErrorKind::usage, "colors that can be seen through are given, but the voxels have no colors");
-    return CubeSurface(tree, settings, out).run();
+    return CubeSurface(bricks, settings, out).run();
 }
 
 int depth_of_error(const VoxelTree& tree, double error_voxels) {

@@ -8,6 +8,7 @@
 
 #include "core/math/box.h"
 #include "core/math/camera.h"
+#include "core/surface/cube_brick_source.h"
 #include "core/surface/surface_sink.h"
 #include "core/voxel/voxel_tree.h"
 
@@ -49,6 +50,9 @@ struct CubeSurfaceCounts {
 ///         a thread, which memory_bytes does not count, and the output of 4 bricks; 20 bytes a brick, closed 68, and 4 for a corner on the
 ///         outside of a brick, then 16 for a vertex there, as long as a brick that has it, too, is to come
 CubeSurfaceCounts mesh_cubes(const VoxelTree& tree, const CubeSurfaceSettings& settings, SurfaceSink& out);
+
+/// The same of any cells; settings.depth does not count.
+CubeSurfaceCounts mesh_cubes(const CubeBrickSource& bricks, const CubeSurfaceSettings& settings, SurfaceSink& out);
 
 /// The least depth whose cubes lie within `error` of the voxels of the tree's finest depth; 1 at least. A cube of 2^k voxels a side has
 /// at least one of them, so what it adds is at most sqrt(3) (2^k - 1) voxels from it.

@@ -125,7 +125,6 @@ private:
         return mask;
     }
 
-    static uint32_t material_of(const VoxelColor& c) { return uint32_t(c[0]) << 16 | uint32_t(c[1]) << 8 | c[2]; }
     uint32_t material(int level, uint32_t node, int bit, bool octants) const {
         // Of octants cell_index asks for a bit of the mask in the byte.
         return material_of(
@@ -271,6 +270,7 @@ TreeBricks::TreeBricks(const VoxelTree& tree, int depth)
       side_log2_(std::max(0, depth - kBrickDepth)),
       root_level_(depth <= kBrickDepth ? 0 : (depth - kBrickDepth) / 2) {
     assert(depth >= 1 && depth <= tree.depth());
+    placement_ = {.origin = tree.frame.origin, .axes = tree.frame.voxel_size * double(uint64_t{1} << (tree.frame.depth() - depth)) * Mat3d::Identity()};
     if (depth > kBrickDepth && depth % 2 == 1) root_level_ = (depth - kBrickDepth - 1) / 2;
     if (!tree.empty()) collect(0, 0, {0, 0, 0});
 }
@@ -318,6 +318,10 @@ void TreeBricks::collect_full(const Part& part, uint64_t code, int log2_side, ui
         collect_full(part, code << 3 | octant, log2_side - 1, outside & left);
     }
 }
+
+bool TreeBricks::has_colors() const { return size_t(depth_) < tree_.attributes.size() && !tree_.attributes[size_t(depth_)].colors.empty(); }
+
+uint64_t TreeBricks::cells() const { return count_cells(tree_, depth_); }
 
 size_t TreeBricks::find(const std::array<int64_t, 3>& place) const {
     const int64_t end = int64_t{1} << side_log2_;
