@@ -31,7 +31,7 @@ namespace fs = std::filesystem;
 constexpr OptionRow kRows[] = {
     {"--output", "-o", "OUT", "", "the mesh to write: .ply, .obj, .stl or .glb"},
     {"--iso", "-i", "V,...", "", "isovalues: the surface where values cross V; several make one mesh of several colors. Needed for volumes and fog volumes; of a level set 0 if not given"},
-    {"--method", "", "METHOD", "", "marching-cubes (of volumes and .vdb files, where the default), or cubes: faces of voxels, merged to rectangles (of .svo files, where the default). Either of voxels that are made of points or a mesh first; marching-cubes of voxels is of the share of each cell that is occupied, at 0.5. smooth (of points, where the default): a surface near them, open where they end"},
+    {"--method", "", "METHOD", "", "marching-cubes (of volumes and .vdb files, where the default), or cubes: faces of voxels, merged to rectangles (of .svo files, where the default; of volumes faces of the samples inside --iso). Either of voxels that are made of points or a mesh first; marching-cubes of voxels is of the share of each cell that is occupied, at 0.5. smooth (of points, where the default): a surface near them, open where they end"},
     {"--inside", "", "SIDE", "", "above or below: where values are greater or less than the isovalue the surface is solid; default: above, of a level set below"},
     {"--close", "", "", "", "of volumes: close the surface where it meets the boundary"},
     {"--normals", "-n", "", "", "normals of vertices, from the gradient of the values; of cubes those of faces, which then share vertices only where they look the same way"},
@@ -41,6 +41,7 @@ constexpr OptionRow kRows[] = {
     {"--error", "-e", "VOXELS|PXpx", "", "of a .svo file: the coarsest cells whose cubes lie within so many voxels of the finest, or, such as 1.5px, pixels of a picture: of --camera, else what render --view iso shows"},
     {"--camera", "", "FILE.json", "", "of --error in pixels: the camera, as render has it"},
     {"--size", "", "WIDTHxHEIGHT", "1920x1080", "of --error in pixels: of the picture"},
+    {"--labels", "", "", "", "of volumes: cubes of each value that is not 0, a color and a value 'label' of vertices for each"},
     {"--quads", "", "", "", "of cubes: each rectangle with four corners of its own, not cut where others meet it; pixels between rectangles may stay open"},
     {"--transparent", "", "LIST", "", "of cubes: colors that can be seen through, as RRGGBB:OPACITY with commas, opacity 0 to 254; what lies behind them keeps its faces"},
     {"--attributes", "", "LIST", "", "values for the vertices, with commas, at most 16: of points names of attributes, of volumes other volume files (of the same samples, or any that fits in memory), of a .vdb file other grids (one called color, rgb or Cd makes colors). .ply and .glb keep them, and render --color shows those of a .ply"},
@@ -165,6 +166,7 @@ SurfaceRequest request_of(const Options& options, const std::string& folder) {
                               .memory_bytes = memory_cap(options),
                               .scratch_folder = folder};
     request.quads = options.given("--quads");
+    request.labels = options.given("--labels");
     if (options.given("--attributes")) request.attributes = parse_attributes(options.text("--attributes"));
     if (options.given("--transparent")) request.transparent = parse_transparent(options.text("--transparent"));
     if (options.given("--iso")) request.isovalues = parse_isovalues(options.text("--iso"));

@@ -38,12 +38,13 @@ FormatKind kind_of(const std::string& path) {
 std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> words, const SurfaceRequest& request) {
     const std::string& path = words[0];
     const bool one = words.size() == 1 && !std::filesystem::is_directory(path);
+    if (request.labels && request.method.value_or(SurfaceMethod::cubes) != SurfaceMethod::cubes) throw Error(ErrorKind::usage, "--labels makes cubes: --method cubes is expected with it");
+    const bool cubes = request.method == SurfaceMethod::cubes || request.labels;
     if (request.raw) {
         if (!one) throw Error(ErrorKind::usage, "--dimensions: one file of samples is expected");
         refuse_viewpoint(request);
-        return surface_of_volume(path, request);
+        return cubes ? cubes_of_volume(path, request) : surface_of_volume(path, request);
     }
-    const bool cubes = request.method == SurfaceMethod::cubes;
     for (const std::string& word : words) {
         if (std::filesystem::is_directory(word)) continue;
         const FormatKind kind = kind_of(word);
@@ -55,7 +56,8 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         const bool has_attributes = kind == FormatKind::points || kind == FormatKind::layered || kind == FormatKind::volume || (kind == FormatKind::grids && !cubes);
         if (!has_attributes) refuse_attributes(request, word);
         if (kind != FormatKind::points && kind != FormatKind::layered) refuse_viewpoint(request);
-        if (kind == FormatKind::volume) return surface_of_volume(word, request);
+        if (kind == FormatKind::volume) return cubes ? cubes_of_volume(word, request) : surface_of_volume(word, request);
+        if (request.labels) throw Error(ErrorKind::usage, word + ": --labels is for volumes");
         refuse_close(request);
         if (kind == FormatKind::voxels) return surface_of_voxels(word, request.method.value_or(SurfaceMethod::cubes), request);
         if (kind == FormatKind::grids && !cubes) return surface_of_grid(word, request);

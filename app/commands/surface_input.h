@@ -40,6 +40,7 @@ struct SurfaceRequest {
     std::optional<CellError> error;            // likewise
     std::optional<double> radius;              // of balls around points, and of what a point has a say in; world units
     std::optional<Vec3d> viewpoint;            // world: normals of points look there
+    bool labels = false;                       // of cubes of volumes: each value that is not 0 is a material
     bool quads = false;                        // of cubes: rectangles as they are
     std::vector<std::pair<VoxelColor, uint8_t>> transparent;  // of cubes: colors that can be seen through, and their opacities
     std::vector<std::string> attributes;       // for the vertices, each once

@@ -12,6 +12,7 @@ namespace strata {
 // for and is not for such an input, and what reading throws.
 
 std::unique_ptr<SurfaceInput> surface_of_volume(const std::string& path, const SurfaceRequest& request);
+std::unique_ptr<SurfaceInput> cubes_of_volume(const std::string& path, const SurfaceRequest& request);
 std::unique_ptr<SurfaceInput> surface_of_grid(const std::string& path, const SurfaceRequest& request);  // of a .vdb file
 std::unique_ptr<SurfaceInput> surface_of_voxels(const std::string& path, SurfaceMethod method, const SurfaceRequest& request);  // .svo
 /// Of what voxels are made of first.

@@ -3,28 +3,12 @@
 
 #include "app/commands/contour_input.h"
 #include "app/commands/isovalues.h"
+#include "app/commands/slices_with_progress.h"
 #include "core/error.h"
 #include "io/vdb/vdb_field.h"
 
 namespace strata {
 namespace {
-
-/// Slices of a volume on their way to the surface, with a line of progress.
-class SlicesWithProgress : public SliceSource {
-public:
-    SlicesWithProgress(SliceSource& source, ProgressLine& progress) : source_(source), progress_(progress) {}
-    const GridPlacement& placement() const override { return source_.placement(); }
-    std::array<uint32_t, 3> size() const override { return source_.size(); }
-    void read(uint32_t count, double reference, std::span<float> out) override {
-        source_.read(count, reference, out);
-        progress_.update("surface", done_ += out.size(), uint64_t{size()[0]} * size()[1] * size()[2]);
-    }
-
-private:
-    SliceSource& source_;
-    ProgressLine& progress_;
-    uint64_t done_ = 0;
-};
 
 class VolumeInput : public ContourInput {
 public:
@@ -43,15 +27,7 @@ public:
         notes.insert(notes.end(), attributes_.notes().begin(), attributes_.notes().end());
     }
 
-    Box3d bounds() const override {
-        Box3d box;
-        for (int corner = 0; corner < 8; ++corner) {
-            Vec3d index;
-            for (int axis = 0; axis < 3; ++axis) index[axis] = corner >> axis & 1 ? volume_->size()[size_t(axis)] : -1.0;
-            box.extend(volume_->placement().world_from_index(index));
-        }
-        return box;
-    }
+    Box3d bounds() const override { return box_around(*volume_, 1.0); }
     double edge() const override { return volume_->placement().axes.colwise().norm().minCoeff(); }
 
     void extract(SurfaceSink& out, ProgressLine& progress) override {

@@ -318,7 +318,7 @@ TEST_F(Surface, AWrongCommandLineIsExitCode2) {
         {{in, "-o", out, "--iso", "0", "--camera", "x.json"}, "--camera is for --error in pixels"},
         {{in, "-o", out, "--iso", "0", "--method", "dual"}, "--method: expected marching-cubes, cubes or smooth"},
         {{in, "-o", out, "--iso", "0", "--inside", "left"}, "--inside: expected above or below"},
-        {{in, "-o", out, "--iso", "0", "--method", "cubes"}, "--method cubes is for voxels"},
+        {{in, "-o", out, "--iso", "0", "--method", "cubes", "--close"}, "--close is for --method marching-cubes"},
         {{in, "-o", out, "--iso", "0", "--voxel-size", "1"}, "--voxel-size is for voxels"},
         {{in, "-o", out, "--iso", "0", "--grid", "a"}, "is no .vdb file"},
         {{in, "-o", out, "--iso", "0", "--type", "int8"}, "--dimensions XxYxZ is expected"},
