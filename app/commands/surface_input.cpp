@@ -63,6 +63,7 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         if (kind == FormatKind::grids && !cubes) return surface_of_grid(word, request);
     }
     refuse_close(request);  // folders of points
+    if (request.labels) throw Error(ErrorKind::usage, path + ": --labels is for volumes");
     if (request.radius && cubes) throw Error(ErrorKind::usage, "--radius makes a surface of balls or a smooth one, --method cubes one of voxels");
     const FormatKind kind = one ? identify_format(path).kind : FormatKind::points;
     if (kind != FormatKind::mesh && kind != FormatKind::grids) {
