@@ -68,7 +68,7 @@ public:
         for (const uint64_t corner : corners) {
             const Vec3f& face = faces_[corner / 3];
             const float cosine = stored.dot(face);
-            const bool known = std::abs(cosine) >= kCreaseCosine;
+            const bool known = std::abs(cosine) >= kStoredCosine;
             out_[corner] = known ? pack_normal(cosine > 0.0f ? stored : Vec3f(-stored)) : kNoNormal;
             missing |= !known && !face.isZero();
         }

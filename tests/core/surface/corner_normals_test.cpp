@@ -68,6 +68,26 @@ TEST(CornerNormals, StoredOnesAreTakenWhereTheyFit) {
     EXPECT_EQ(corners[7], kNoNormal);
 }
 
+// A tube of three sides, whose normals are those of the round one that it stands for: 60 degrees off its sides.
+TEST(CornerNormals, StoredOnesOfThinPartsAreTaken) {
+    TriangleMesh mesh;
+    for (uint32_t i = 0; i < 6; ++i) {
+        const double angle = 2.0 * M_PI * (i / 2) / 3.0;
+        mesh.normals.push_back(Vec3f(float(std::cos(angle)), float(std::sin(angle)), 0.0f));
+        mesh.positions.push_back(mesh.normals.back().cast<double>() + Vec3d(0, 0, i % 2));
+    }
+    for (uint32_t i = 0; i < 6; i += 2) {
+        mesh.triangles.push_back({i, (i + 2) % 6, i + 1});
+        mesh.triangles.push_back({i + 1, (i + 2) % 6, (i + 3) % 6});
+    }
+    const std::vector<uint32_t> corners = corner_normals(mesh, 1);
+    for (size_t i = 0; i < corners.size(); ++i) {
+        const Vec3f& stored = mesh.normals[mesh.triangles[i / 3][i % 3]];
+        EXPECT_NEAR(stored.dot(normal_of(mesh, i / 3)), 0.5f, 1e-5f);
+        EXPECT_LT((unpack_normal(corners[i]) - stored).norm(), 1e-4f) << i;
+    }
+}
+
 // More triangles at a vertex than are compared with each other: a cone stays round at its foot and its tip is no direction of one side.
 TEST(CornerNormals, ManyTrianglesAtAVertexAreBounded) {
     constexpr uint32_t kSides = 200000;
