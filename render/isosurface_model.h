@@ -47,12 +47,14 @@ private:
 
 /// An isosurface as a scene has it, drawn from the field itself. The field must outlive it.
 struct IsosurfaceModel {
-    IsosurfaceModel(const FieldBricks& field, const IsoLevel& level, IsosurfaceColors painted, int threads = 1)
-        : surface(field, level, threads), bounds(surface_bounds(surface)), colors(std::move(painted)) {}
+    /// opaque_part  in (0, 1]: how much of what is behind it hides
+    IsosurfaceModel(const FieldBricks& field, const IsoLevel& level, IsosurfaceColors painted, int threads = 1, float opaque_part = 1.0f)
+        : surface(field, level, threads), bounds(surface_bounds(surface)), colors(std::move(painted)), opacity(opaque_part) {}
 
     FieldSurface surface;
     Box3d bounds;  // of the cells that it passes through; world
     IsosurfaceColors colors;
+    float opacity;
 };
 
 }  // namespace strata

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
 
 #include "core/error.h"
 #include "render/point_color.h"
@@ -97,29 +96,52 @@ void add_sample(const TriangleMesh& mesh, std::vector<Vec3d>& points) {
     for (const size_t vertex : outermost) points.push_back(mesh.positions[vertex]);
 }
 
-// Corners of cells, which a box bounds, as coarse ones reach beyond it. placed: from voxels to the world
-void add_sample(const VoxelTree& tree, const Box3d& bounds, const std::function<Vec3d(const Vec3d&)>& placed, std::vector<Vec3d>& points) {
-    const CellList sample = coarse_cells(tree, kSampleCells);
-    for (const auto& cell : sample.cells) {
-        const Box3d box = cell_box({.levels = tree.frame.levels}, sample.depth, cell);
-        for (int corner = 0; corner < 8; ++corner) {
-            const Vec3d p((corner & 1 ? box.max : box.min).x(), (corner & 2 ? box.max : box.min).y(), (corner & 4 ? box.max : box.min).z());
-            points.push_back(placed(p).cwiseMax(bounds.min).cwiseMin(bounds.max));
-        }
+Vec3d corner_of(const Box3d& box, int corner) {
+    return {(corner & 1 ? box.max : box.min).x(), (corner & 2 ? box.max : box.min).y(), (corner & 4 ? box.max : box.min).z()};
+}
+
+void add_corners(const Box3d& box, std::vector<Vec3d>& points) {
+    for (int corner = 0; corner < 8 && !box.empty(); ++corner) points.push_back(corner_of(box, corner));
+}
+
+Box3d shared(const Box3d& a, const Box3d& b) { return {.min = a.min.cwiseMax(b.min), .max = a.max.cwiseMin(b.max)}; }
+
+// Of what is left of a box that may hold something.
+void add_left(const Box3d& box, std::span<const ClipBox> clips, std::vector<Vec3d>& points) {
+    bool keeping = false;
+    for (const ClipBox& clip : clips) {
+        if (clip.action == ClipBox::Action::remove && clip.box.contains(box.min) && clip.box.contains(box.max)) return;
+        keeping |= clip.action == ClipBox::Action::keep;
     }
+    if (!keeping) return add_corners(box, points);
+    for (const ClipBox& clip : clips)
+        if (clip.action == ClipBox::Action::keep) add_corners(shared(box, clip.box), points);
 }
 
 }  // namespace
 
-std::vector<Vec3d> sample_positions(const Scene& scene) {
+std::vector<Vec3d> sample_positions(const Scene& scene, std::span<const ClipBox> clips) {
     std::vector<Vec3d> points;
     if (scene.cloud != nullptr) points = sample_positions(*scene.cloud);
-    for (const VoxelModel& model : scene.voxels)
-        add_sample(*model.tree, model.bounds, [&](const Vec3d& p) { return model.tree->frame.world_from_voxel(p); }, points);
+    for (const VoxelModel& model : scene.voxels) {
+        const CellList sample = coarse_cells(*model.tree, kSampleCells);
+        // Coarse cells reach beyond the voxels.
+        for (const auto& cell : sample.cells) add_corners(shared(cell_box(model.tree->frame, sample.depth, cell), model.bounds), points);
+    }
     for (const MeshModel& model : scene.meshes) add_sample(*model.mesh, points);
-    for (const IsosurfaceModel& model : scene.isosurfaces)
-        add_sample(model.surface.cells, model.bounds, [&](const Vec3d& p) { return model.surface.field->placement().world_from_index(p); }, points);
+    for (const IsosurfaceModel& model : scene.isosurfaces) add_sample(model, clips, points);
     return points;
+}
+
+void add_sample(const IsosurfaceModel& model, std::span<const ClipBox> clips, std::vector<Vec3d>& points) {
+    const VoxelTree& tree = model.surface.cells;
+    const CellList sample = coarse_cells(tree, kSampleCells);
+    for (const auto& cell : sample.cells) {
+        const Box3d cells = cell_box(tree.frame, sample.depth, cell);
+        Box3d box;  // world
+        for (int corner = 0; corner < 8; ++corner) box.extend(model.surface.field->placement().world_from_index(corner_of(cells, corner)));
+        add_left(shared(box, model.bounds), clips, points);
+    }
 }
 
 Camera named_view(std::string_view name, Projection projection, double fov_rad, std::span<const Vec3d> points, double aspect, UpAxis up) {

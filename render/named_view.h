@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/cloud/clip_box.h"
 #include "core/math/camera.h"
 #include "core/octree/layered_cloud.h"
 #include "render/scene.h"
@@ -17,8 +18,11 @@ namespace strata {
 /// returns  empty for a cloud without points
 std::vector<Vec3d> sample_positions(LayeredCloud& cloud);
 
-/// Those of a scene's cloud, corners of cells that hold the voxels, and corners of triangles, the outermost ones among them.
-std::vector<Vec3d> sample_positions(const Scene& scene);
+/// Those of a scene's cloud, corners of cells that hold the voxels, corners of triangles, the outermost ones among them, and what add_sample has of isosurfaces.
+std::vector<Vec3d> sample_positions(const Scene& scene, std::span<const ClipBox> clips = {});
+
+/// Adds corners of boxes around parts of an isosurface, of what clip boxes leave of them.
+void add_sample(const IsosurfaceModel& model, std::span<const ClipBox> clips, std::vector<Vec3d>& points);
 
 /// The camera of `--view`: iso, top, front, back, left or right, framed around the points. front looks north, which is along -z where y points upwards.
 /// throws  Error{usage}, naming the views there are

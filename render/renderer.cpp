@@ -1,6 +1,7 @@
 #include "render/renderer.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -21,6 +22,7 @@
 #include "render/pass/voxels_gl_pass.h"
 #include "render/pass/voxels_pass.h"
 #include "render/sample_sums.h"
+#include "render/srgb.h"
 #include "render/stream/node_loader.h"
 #include "render/stream/point_cut.h"
 #include "render/stream/shape_field.h"
@@ -141,10 +143,19 @@ NodeCache::Clock::time_point loading_deadline(const RenderSettings& settings, do
     return Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double, std::milli>(0.5 * budget_ms));
 }
 
+// Where nothing was drawn, and behind what lets light pass.
 void fill_background(std::span<Rgba8> colors, Rgba8 background, int threads) {
+    const std::array<float, 256>& linear = linear_from_srgb8();
+    const auto mixed = [&](uint8_t over, uint8_t under, float part) { return srgb8_from_linear(part * linear[over] + (1.0f - part) * linear[under]); };
     parallel_blocks(threads, colors.size(), 1 << 18, [&](size_t begin, size_t end) {
-        for (size_t i = begin; i < end; ++i)
-            if (alpha_of(colors[i]) == 0) colors[i] = background;
+        for (size_t i = begin; i < end; ++i) {
+            const Rgba8 color = colors[i];
+            const uint8_t alpha = alpha_of(color);
+            if (alpha == 0) colors[i] = background;
+            else if (alpha < 255 && alpha_of(background) == 255)
+                colors[i] = make_rgba(mixed(red_of(color), red_of(background), float(alpha) / 255.0f), mixed(green_of(color), green_of(background), float(alpha) / 255.0f),
+                                      mixed(blue_of(color), blue_of(background), float(alpha) / 255.0f));
+        }
     });
 }
 
@@ -410,8 +421,13 @@ void Renderer::draw_meshes(Frame& frame, const Scene& scene, const Strip& strip,
 void Renderer::draw_isosurfaces(Frame& frame, const Scene& scene, const Strip& strip, GBuffer& out) {
     const RenderSettings& settings = frame.settings;
     const IsosurfaceView view = {frame.camera, settings.width, settings.height, strip.offset_px, settings.clips, settings.threads, settings.up};
+    const uint32_t first = uint32_t(1 + scene.voxels.size() + scene.meshes.size());
+    IsosurfacesDrawn drawn;
     for (size_t i = 0; i < scene.isosurfaces.size(); ++i)
-        frame.report.isosurface_drawn |= draw_isosurface(scene.isosurfaces[i], uint32_t(1 + scene.voxels.size() + scene.meshes.size() + i), view, out);
+        if (scene.isosurfaces[i].opacity >= 1.0f) drawn.add(draw_isosurface(scene.isosurfaces[i], first + uint32_t(i), view, out));
+    drawn.add(draw_translucent(scene.isosurfaces, first, view, out));
+    frame.report.isosurface_rays += drawn.rays;
+    frame.report.isosurface_hits += drawn.hits;
 }
 
 RenderReport Renderer::render_frame(const Scene& scene, const Camera& camera, const RenderSettings& settings,

@@ -66,7 +66,7 @@ struct RenderReport {
     uint64_t nodes_drawn = 0;
     uint64_t nodes_missing = 0;  // that are still to come: the next frame of this view is better
     int voxel_depth = 0;         // of the finest cells drawn; 0: no voxels were
-    bool isosurface_drawn = false;  // whether the picture shows any
+    uint64_t isosurface_rays = 0, isosurface_hits = 0;  // cast to isosurfaces, and pixels that they show, of all samples
     uint64_t triangles_drawn = 0;  // of the meshes that the picture shows, all of them
     double error_px = 0.0;  // what the picture is off by: from selection, or how large cells look that are coarser than voxels
     BoundBy bound_by = BoundBy::error;

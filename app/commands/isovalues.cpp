@@ -7,15 +7,20 @@
 
 namespace strata {
 
-std::vector<double> parse_isovalues(const std::string& text) {
+std::vector<double> parse_list(std::string_view flag, const std::string& text) {
     std::vector<double> values;
     for (size_t begin = 0; begin <= text.size();) {
         const size_t end = std::min(text.find(',', begin), text.size());
-        const double value = parse_number("--iso", text.substr(begin, end - begin));
-        if (std::find(values.begin(), values.end(), value) != values.end()) throw Error(ErrorKind::usage, "--iso: " + value_text(value) + " is there twice");
-        values.push_back(value);
+        values.push_back(parse_number(flag, text.substr(begin, end - begin)));
         begin = end + 1;
     }
+    return values;
+}
+
+std::vector<double> parse_isovalues(const std::string& text) {
+    const std::vector<double> values = parse_list("--iso", text);
+    for (auto value = values.begin(); value != values.end(); ++value)
+        if (std::find(values.begin(), value, *value) != value) throw Error(ErrorKind::usage, "--iso: " + value_text(*value) + " is there twice");
     return values;
 }
 

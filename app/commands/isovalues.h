@@ -1,12 +1,17 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "app/options.h"
 #include "core/error.h"
 
 namespace strata {
+
+/// The numbers of an option "1,2.5".
+/// throws  Error{usage}: other words
+std::vector<double> parse_list(std::string_view flag, const std::string& text);
 
 /// The isovalues of --iso "1,2.5".
 /// throws  Error{usage}: other words, or a number twice

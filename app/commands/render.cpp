@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
+#include <set>
 
 #include "app/commands/commands.h"
 #include "app/commands/render_options.h"
@@ -46,6 +47,23 @@ nlohmann::ordered_json camera_json(const Camera& camera) {
     return json;
 }
 
+// Fields that several surfaces share count once.
+nlohmann::ordered_json isosurfaces_json(const Scene& scene, const RenderReport& report) {
+    std::set<const FieldBricks*> fields;
+    nlohmann::ordered_json isovalues = nlohmann::ordered_json::array();
+    uint64_t bricks = 0, bytes = 0, cells = 0;
+    for (const IsosurfaceModel& model : scene.isosurfaces) {
+        isovalues.push_back(model.surface.level.isovalue);
+        cells += count_voxels(model.surface.cells);
+        bytes += size_bytes(model.surface.cells);
+        if (!fields.insert(model.surface.field).second) continue;
+        bricks += model.surface.field->stored_bricks();
+        bytes += model.surface.field->size_bytes();
+    }
+    return {{"isovalues", isovalues}, {"bricks", bricks},          {"bytes", bytes},
+            {"cells", cells},         {"rays", report.isosurface_rays}, {"hits", report.isosurface_hits}};
+}
+
 nlohmann::ordered_json stats_json(const RenderRequest& request, const RenderReport& report) {
     const RenderSettings& settings = request.settings;
     nlohmann::ordered_json stats = {{"points_drawn", report.points_drawn},
@@ -64,6 +82,7 @@ nlohmann::ordered_json stats_json(const RenderRequest& request, const RenderRepo
                                     {"color", request.color_name},
                                     {"camera", camera_json(request.camera)}};
     for (const auto& [name, ms] : report.pass_ms) stats["pass_ms"][name] = ms;
+    if (!request.scene.isosurfaces.empty()) stats["isosurfaces"] = isosurfaces_json(request.scene, report);
     return stats;
 }
 
@@ -175,7 +194,7 @@ int run(const Options& options) {
     const bool no_surface = std::all_of(request.scene.isosurfaces.begin(), request.scene.isosurfaces.end(), [](const IsosurfaceModel& model) { return model.bounds.empty(); });
     const bool empty = files.meshes.empty() && no_surface && (!files.cloud || files.cloud->info().points == 0) &&
                        std::all_of(files.voxels.begin(), files.voxels.end(), [](const OpenedVoxels& model) { return model.tree->empty(); });
-    if (report.points_drawn == 0 && report.voxel_depth == 0 && report.triangles_drawn == 0 && !report.isosurface_drawn && !empty && !request.quiet)
+    if (report.points_drawn == 0 && report.voxel_depth == 0 && report.triangles_drawn == 0 && report.isosurface_hits == 0 && !empty && !request.quiet)
         std::fprintf(stderr, "note: %s: nothing is in sight: the view, --clip or --filter leave nothing\n", request.output.c_str());
     write_place(place_path, place, request.overwrite);
     if (depth) depth->finish();

@@ -11,6 +11,7 @@
 #include <tuple>
 
 #include "app/commands/camera_file.h"
+#include "app/commands/isovalues.h"
 #include "app/cut_options.h"
 #include "core/error.h"
 #include "render/colormap.h"
@@ -37,6 +38,7 @@ constexpr OptionRow kRows[] = {
     {"--preview", "", "", "", "of LAS and LAZ files, the first of each run of points only, 2 million at most: a first look at any size"},
     {"--voxels", "", "flat|smooth", "flat", "how voxels are drawn: as cubes, or lit and with the depth of the surface that they stand for"},
     {"--iso", "", "V,...", "", "draw the surfaces where the values of volumes, or of .vdb grids, are V; without a mesh, exactly in the interpolated values"},
+    {"--opacity", "", "V,...", "1", "how much of what is behind it an isosurface hides, above 0 to 1: one for all of --iso, or one for each"},
     {"--mesh", "", "flat|smooth", "smooth", "how meshes are lit: each triangle as the plane that it is, or by normals that change evenly except at creases of more than 45 degrees"},
     {"--wireframe", "", "", "", "draw the edges of the triangles of meshes, where those look larger than a few pixels"},
     {"--backfaces", "", "", "", "give triangles of meshes that are seen from behind a color of their own: shows which way they turn"},
@@ -290,6 +292,20 @@ MeshStyle parse_mesh(const Options& options) {
     return {name == "flat" ? MeshShading::flat : MeshShading::smooth, options.given("--wireframe"), options.given("--backfaces")};
 }
 
+// Of each isovalue.
+std::vector<double> parse_opacities(const Options& options) {
+    const std::vector<double> opacities = parse_list("--opacity", options.text("--opacity"));
+    for (const double opacity : opacities)
+        if (!(opacity > 0.0 && opacity <= 1.0)) refuse("--opacity", "numbers above 0 and at most 1", options.text("--opacity"));
+    if (!options.given("--opacity")) return opacities;
+    if (!options.given("--iso")) throw Error(ErrorKind::usage, "--opacity is of the surfaces of --iso, and there are none");
+    const size_t isovalues = parse_isovalues(options.text("--iso")).size();
+    if (opacities.size() != 1 && opacities.size() != isovalues)
+        throw Error(ErrorKind::usage, "--opacity: one number, or one for each of the " + std::to_string(isovalues) + " of --iso, is expected, " +
+                                          std::to_string(opacities.size()) + " are given");
+    return opacities;
+}
+
 // Colors of the cloud, of the voxels and of the meshes, by one name where one is given: what does not have it shows what it does by default, but
 // something must have it.
 void choose_colors(const Options& options, const SceneFiles& files, RenderRequest& request) {
@@ -332,8 +348,10 @@ void choose_colors(const Options& options, const SceneFiles& files, RenderReques
         }
         request.scene.meshes.emplace_back(*model.mesh, std::move(*colors), parse_mesh(options), settings.threads);
     }
+    const std::vector<double> opacities = parse_opacities(options);
     for (const OpenedField& field : files.fields)
-        for (const IsoLevel& level : field.levels) {
+        for (size_t n = 0; n < field.levels.size(); ++n) {
+            const IsoLevel& level = field.levels[n];
             const size_t number = request.scene.isosurfaces.size();
             std::optional<IsosurfaceColors> colors;
             try {
@@ -343,7 +361,7 @@ void choose_colors(const Options& options, const SceneFiles& files, RenderReques
                 if (!refused) refused = error;
                 colors.emplace(*field.field, "", number, settings.range, settings.colormap);
             }
-            request.scene.isosurfaces.emplace_back(*field.field, level, std::move(*colors), settings.threads);
+            request.scene.isosurfaces.emplace_back(*field.field, level, std::move(*colors), settings.threads, float(opacities[opacities.size() == 1 ? 0 : n]));
         }
     if (!taken && refused) throw *refused;
     request.color_name = files.cloud ? settings.color.name : !request.scene.voxels.empty() ? request.scene.voxels[0].colors.name() : !request.scene.meshes.empty() ? request.scene.meshes[0].colors.name() : request.scene.isosurfaces[0].colors.name();
@@ -375,6 +393,7 @@ void check_render_options(const Options& options) {
     parse_rasterizer(options);
     parse_voxels(options);
     parse_mesh(options);
+    parse_opacities(options);
     parse_fov(options);
     if (options.given("--colormap")) Colormap(options.text("--colormap"));  // refuses names that it does not know
     if (options.given("--range")) options.numbers("--range", 2);
@@ -431,6 +450,10 @@ RenderRequest make_render_request(const Options& options, const SceneFiles& file
         settings.range = ColorRange{range[0], range[1]};
     }
     choose_colors(options, files, request);
+    for (const std::string_view flag : {"--wireframe", "--backfaces"})
+        if (options.given(flag) && files.meshes.empty() && !request.quiet)
+            std::fprintf(stderr, "note: %s is for triangles of meshes, and there are none%s\n", std::string(flag).c_str(),
+                         files.fields.empty() ? "" : "; `strata surface` makes one of an isosurface");
 
     settings.samples = uint32_t(options.integer("--samples", 1, kMostSamples));
     settings.time_budget_ms = options.number("--time-budget");
@@ -445,9 +468,15 @@ RenderRequest make_render_request(const Options& options, const SceneFiles& file
     }
 
     const Box3d bounds = request.scene.bounds();
-    std::vector<Vec3d> points = kept_corners(settings.clips, bounds);
-    const bool whole = points.empty();
-    if (whole) points = sample_positions(request.scene);
+    std::vector<Vec3d> points;
+    const bool whole = kept_corners(settings.clips, bounds).empty();
+    if (whole) {
+        points = sample_positions(request.scene, settings.clips);
+    } else {
+        points = kept_corners(settings.clips, request.scene.bounds_but_isosurfaces());
+        for (const IsosurfaceModel& model : request.scene.isosurfaces) add_sample(model, settings.clips, points);
+        if (points.empty()) points = kept_corners(settings.clips, bounds);
+    }
     if (options.given("--ssao"))
         settings.ssao.radius = float(parse_ssao(options) > 0.0 ? parse_ssao(options) : sensible_ssao_radius(points));
     const double aspect = double(settings.width) / settings.height;

@@ -119,7 +119,7 @@ OpenedField open_field(const Options& options, const std::string& path, uint64_t
         }
     } catch (const Error& error) {
         if (error.kind != ErrorKind::limit) throw;
-        throw Error(ErrorKind::limit, path + ": " + error.what() + "; --memory gives more room for it");
+        throw Error(ErrorKind::limit, path + ": " + error.what() + "; an isosurface is drawn from all of it in memory. --memory gives more, `strata surface` makes a mesh of any size");
     }
     for (const double isovalue : isovalues) {
         opened.levels.push_back({isovalue, inside});

@@ -44,6 +44,7 @@ public:
     /// Of all samples; world. Of a sparse field those of its bricks.
     const Box3d& bounds() const { return bounds_; }
     const FieldRange& range() const { return range_; }
+    uint64_t stored_bricks() const { return values_.size() / kFieldBrickSamples; }
     uint64_t size_bytes() const;
 
     /// A sample; NaN beyond the field, and in a sparse one away from its bricks, where no surface can be.

@@ -2,7 +2,10 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <atomic>
+#include <array>
+#include <memory>
+#include <mutex>
+#include <optional>
 #include <vector>
 
 #include "core/parallel.h"
@@ -11,6 +14,7 @@
 #include "render/pass/voxel_clip.h"
 #include "render/pass/voxel_light.h"
 #include "render/pass/voxel_rays.h"
+#include "render/srgb.h"
 
 namespace strata {
 namespace {
@@ -40,112 +44,221 @@ Vec3f towards_eye(const Vec3f& normal, const Vec3f& direction) {
     return length > 0.0f ? Vec3f(across / length) : Vec3f(-direction);
 }
 
-// Draws one tile after another. One a thread.
-class TileDrawer {
+// What all tiles of a picture share.
+struct PictureRays {
+    PictureRays(const IsosurfaceModel& shown, const IsosurfaceView& seen)
+        : model(shown),
+          view(seen),
+          rays(seen.camera, shown.surface.field->placement().origin, shown.surface.field->placement().axes.inverse(), seen.width_px, seen.height_px,
+               seen.offset_px),
+          clip(seen.clips, frame_from_eye(seen.camera)),
+          projection(seen.camera, seen.width_px, seen.height_px, seen.offset_px),
+          sky(sky_of(seen.up)) {}
+
+    // Clip boxes are in units of the world, from the eye.
+    static VoxelFrame frame_from_eye(const Camera& camera) {
+        VoxelFrame frame;
+        frame.origin = camera.eye;
+        return frame;
+    }
+
+    const IsosurfaceModel& model;
+    const IsosurfaceView& view;
+    VoxelRays rays;
+    VoxelClip clip;
+    MeshProjection projection;
+    Sky sky;
+};
+
+// Where the rays of one tile after another meet a surface. One a thread.
+class TileHits {
 public:
-    TileDrawer(const IsosurfaceModel& model, uint32_t drawable, const IsosurfaceView& view, const VoxelRays& rays, const VoxelClip& clip)
-        : model_(model),
-          drawable_(drawable),
-          view_(view),
-          rays_(rays),
-          clip_(clip),
-          normals_(model.surface),
-          projection_(view.camera, view.width_px, view.height_px, view.offset_px),
-          sky_(sky_of(view.up)) {}
+    explicit TileHits(const PictureRays& picture) : picture_(picture), normals_(picture.model.surface) {}
 
-    /// returns  whether any pixel shows the surface
-    bool draw(const Tile& tile, GBuffer& out) {
-        const int width = int(tile.right - tile.left), height = int(tile.bottom - tile.top);
-        const VoxelTile rays = rays_.tile(tile.left, tile.top, width, height);
-        cast(tile, rays, out);
-        bool drawn = false;
-        size_t number = 0;
-        for (int y = 0; y < height; ++y)
-            for (int x = 0; x < width; ++x) {
-                const FieldHit& hit = hits_[number++];
-                const size_t pixel = pixel_of(tile, x, y, out);
-                if (!(float(hit.t) < out.depths[pixel])) continue;
-                shade(rays.ray(x, y), world_ray(tile, x, y), hit, pixel, out);
-                drawn = true;
-            }
-        return drawn;
-    }
-
-private:
-    static size_t pixel_of(const Tile& tile, int x, int y, const GBuffer& out) {
-        return size_t(tile.top - out.first_row + uint32_t(y)) * out.width + tile.left + size_t(x);
-    }
-    // From the eye.
-    MeshProjection::Ray world_ray(const Tile& tile, int x, int y) const { return projection_.ray(tile.left + x + 0.5, tile.top + y + 0.5); }
-
-    // Fills hits_.
-    void cast(const Tile& tile, const VoxelTile& rays, const GBuffer& out) {
-        hits_.assign(size_t(rays.width) * size_t(rays.height), {});
-        const double near = view_.camera.near_depth;
-        if (clip_.everything()) {
+    // The first hits; those that lie behind what is there may be missing.
+    void cast(const Tile& tile, const GBuffer& out) {
+        tile_ = tile;
+        rays_ = picture_.rays.tile(tile.left, tile.top, int(tile.right - tile.left), int(tile.bottom - tile.top));
+        hits_.assign(size_t(rays_.width) * size_t(rays_.height), {});
+        const double near = picture_.view.camera.near_depth;
+        if (picture_.clip.everything()) {
             float farthest = 0.0f;
-            for (int y = 0; y < rays.height; ++y) {
+            for (int y = 0; y < rays_.height; ++y) {
                 const float* const depths = out.depths.data() + pixel_of(tile, 0, y, out);
-                farthest = std::max(farthest, *std::max_element(depths, depths + rays.width));
+                farthest = std::max(farthest, *std::max_element(depths, depths + rays_.width));
             }
-            return cast_tile(model_.surface, rays, near, double(farthest), hits_);
+            return cast_tile(picture_.model.surface, rays_, near, double(farthest), hits_);
         }
-        for (int y = 0; y < rays.height; ++y)
-            for (int x = 0; x < rays.width; ++x) {
-                const MeshProjection::Ray ray = world_ray(tile, x, y);
-                clip_.spans({ray.origin, ray.direction}, near, double(out.depths[pixel_of(tile, x, y, out)]), spans_);
-                for (const RaySpan& span : spans_)
-                    if (const std::optional<FieldHit> hit = cast_ray(model_.surface, rays.ray(x, y), span.from, span.to)) {
-                        hits_[size_t(y) * size_t(rays.width) + size_t(x)] = *hit;
-                        break;
-                    }
-            }
+        for (int y = 0; y < rays_.height; ++y)
+            for (int x = 0; x < rays_.width; ++x)
+                if (const auto hit = next_hit(x, y, near, double(out.depths[pixel_of(tile, x, y, out)]))) hits_[size_t(y) * size_t(rays_.width) + size_t(x)] = *hit;
+    }
+    const FieldHit& hit(int x, int y) const { return hits_[size_t(y) * size_t(rays_.width) + size_t(x)]; }
+
+    // The next hit of a pixel's ray after one.
+    std::optional<FieldHit> hit_after(int x, int y, const FieldHit& hit, double far) {
+        // So far beyond that the side on which the ray now is can be told.
+        constexpr double kBeyond = 0x1p-24;  // cells
+        return next_hit(x, y, hit.t + kBeyond / rays_.ray(x, y).direction.cwiseAbs().maxCoeff(), far);
     }
 
-    void shade(const FieldRay& field_ray, const MeshProjection::Ray& ray, const FieldHit& hit, size_t pixel, GBuffer& out) const {
-        Vec3f normal = normals_.outward(field_ray, hit);
+    Rgba8 lit_color(int x, int y, const FieldHit& hit) const {
+        const MeshProjection::Ray ray = world_ray(x, y);
+        Vec3f normal = normals_.outward(rays_.ray(x, y), hit);
         const Vec3f direction = ray.direction.normalized().cast<float>();
         if (normal.isZero()) normal = -direction;
         if (hit.from_inside) normal = -normal;
         normal = towards_eye(normal, direction);
-        const Rgba8 color = model_.colors.color(view_.camera.eye.z() + ray.origin.z() + hit.t * ray.direction.z(), normal);
-        out.colors[pixel] = model_.colors.rule() == IsosurfaceColors::Rule::normal ? color : lit(color, sky_.light(normal));
-        out.depths[pixel] = float(hit.t);
-        if (!out.splat_px.empty()) out.splat_px[pixel] = 1;
-        if (!out.ids.empty()) out.ids[pixel] = isosurface_id(hit.cell, drawable_);
+        const IsosurfaceColors& colors = picture_.model.colors;
+        const Rgba8 color = colors.color(picture_.view.camera.eye.z() + ray.origin.z() + hit.t * ray.direction.z(), normal);
+        return colors.rule() == IsosurfaceColors::Rule::normal ? color : lit(color, picture_.sky.light(normal));
     }
 
-    const IsosurfaceModel& model_;
-    uint32_t drawable_;
-    const IsosurfaceView& view_;
-    const VoxelRays& rays_;
-    const VoxelClip& clip_;
+    static size_t pixel_of(const Tile& tile, int x, int y, const GBuffer& out) {
+        return size_t(tile.top - out.first_row + uint32_t(y)) * out.width + tile.left + size_t(x);
+    }
+
+private:
+    // From the eye.
+    MeshProjection::Ray world_ray(int x, int y) const { return picture_.projection.ray(tile_.left + x + 0.5, tile_.top + y + 0.5); }
+
+    std::optional<FieldHit> next_hit(int x, int y, double near, double far) {
+        const VoxelRay ray = rays_.ray(x, y);
+        if (picture_.clip.everything()) return cast_ray(picture_.model.surface, ray, near, far);
+        const MeshProjection::Ray in_world = world_ray(x, y);
+        picture_.clip.spans({in_world.origin, in_world.direction}, near, far, spans_);
+        for (const RaySpan& span : spans_)
+            if (const std::optional<FieldHit> hit = cast_ray(picture_.model.surface, ray, span.from, span.to)) return hit;
+        return std::nullopt;
+    }
+
+    const PictureRays& picture_;
     FieldNormals normals_;
-    MeshProjection projection_;
-    Sky sky_;
+    Tile tile_ = {};
+    VoxelTile rays_;
     std::vector<FieldHit> hits_;
     std::vector<RaySpan> spans_;
 };
 
+void set_place(size_t pixel, float depth, PixelId id, GBuffer& out) {
+    out.depths[pixel] = depth;
+    if (!out.splat_px.empty()) out.splat_px[pixel] = 1;
+    if (!out.ids.empty()) out.ids[pixel] = id;
+}
+
+// Draws tiles on several threads. draw(drawer, tile) gives what was drawn; make() a drawer for a thread
+template <class Make, class Draw>
+IsosurfacesDrawn draw_tiles(int threads, const GBuffer& out, const Make& make, const Draw& draw) {
+    const std::vector<Tile> tiles = tiles_of(out);
+    std::mutex adding;
+    IsosurfacesDrawn drawn;
+    parallel_blocks(threads, tiles.size(), 4, [&](size_t begin, size_t end) {
+        auto drawer = make();
+        IsosurfacesDrawn part;
+        for (size_t n = begin; n < end; ++n) part.add(draw(drawer, tiles[n]));
+        const std::lock_guard lock(adding);
+        drawn.add(part);
+    });
+    return drawn;
+}
+
+// A layer of a translucent surface on a ray.
+struct Layer {
+    FieldHit hit;
+    size_t surface;
+};
+
+constexpr size_t kMostLayers = 64;
+constexpr float kHidden = 1.0f / 512.0f;  // half a step of 8 bits: what lets no more light pass hides all
+
+// Layers from the eye on, over a pixel.
+class LayerLight {
+public:
+    void add(Rgba8 color, float opacity) {
+        const std::array<float, 256>& linear = linear_from_srgb8();
+        const float part = passing_ * opacity * (float(alpha_of(color)) / 255.0f);
+        light_ += part * Vec3f(linear[red_of(color)], linear[green_of(color)], linear[blue_of(color)]);
+        passing_ -= part;
+    }
+    bool hides_all() const { return passing_ < kHidden; }
+    Rgba8 color() const {
+        const float hidden = 1.0f - passing_;
+        const Vec3f light = light_ / hidden;
+        return make_rgba(srgb8_from_linear(light.x()), srgb8_from_linear(light.y()), srgb8_from_linear(light.z()), uint8_t(std::clamp(hidden * 255.0f + 0.5f, 1.0f, 255.0f)));
+    }
+
+private:
+    Vec3f light_ = Vec3f::Zero();
+    float passing_ = 1.0f;
+};
+
 }  // namespace
 
-bool draw_isosurface(const IsosurfaceModel& model, uint32_t drawable, const IsosurfaceView& view, GBuffer& out) {
-    if (model.surface.empty()) return false;
-    const GridPlacement& placement = model.surface.field->placement();
-    const VoxelRays rays(view.camera, placement.origin, placement.axes.inverse(), view.width_px, view.height_px, view.offset_px);
-    // Clip boxes in units of the world, from the eye.
-    VoxelFrame from_eye;
-    from_eye.origin = view.camera.eye;
-    const VoxelClip clip(view.clips, from_eye);
-    const std::vector<Tile> tiles = tiles_of(out);
-    std::atomic<bool> any = false;
-    parallel_blocks(view.threads, tiles.size(), 4, [&](size_t begin, size_t end) {
-        TileDrawer drawer(model, drawable, view, rays, clip);
-        bool drawn = false;
-        for (size_t n = begin; n < end; ++n) drawn |= drawer.draw(tiles[n], out);
-        if (drawn) any = true;
+IsosurfacesDrawn draw_isosurface(const IsosurfaceModel& model, uint32_t drawable, const IsosurfaceView& view, GBuffer& out) {
+    if (model.surface.empty()) return {};
+    const PictureRays picture(model, view);
+    return draw_tiles(view.threads, out, [&] { return TileHits(picture); }, [&](TileHits& hits, const Tile& tile) {
+        hits.cast(tile, out);
+        IsosurfacesDrawn drawn;
+        for (int y = 0; y < int(tile.bottom - tile.top); ++y)
+            for (int x = 0; x < int(tile.right - tile.left); ++x) {
+                ++drawn.rays;
+                const FieldHit& hit = hits.hit(x, y);
+                const size_t pixel = TileHits::pixel_of(tile, x, y, out);
+                if (!(float(hit.t) < out.depths[pixel])) continue;
+                out.colors[pixel] = hits.lit_color(x, y, hit);
+                set_place(pixel, float(hit.t), isosurface_id(hit.cell, drawable), out);
+                ++drawn.hits;
+            }
+        return drawn;
     });
-    return any;
+}
+
+IsosurfacesDrawn draw_translucent(std::span<const IsosurfaceModel> models, uint32_t first, const IsosurfaceView& view, GBuffer& out) {
+    std::vector<std::unique_ptr<PictureRays>> pictures;
+    std::vector<uint32_t> drawables;
+    for (size_t i = 0; i < models.size(); ++i) {
+        if (models[i].surface.empty() || models[i].opacity >= 1.0f) continue;
+        pictures.push_back(std::make_unique<PictureRays>(models[i], view));
+        drawables.push_back(first + uint32_t(i));
+    }
+    if (pictures.empty()) return {};
+    const auto make = [&] {
+        std::vector<TileHits> surfaces;
+        for (const auto& picture : pictures) surfaces.emplace_back(*picture);
+        return surfaces;
+    };
+    return draw_tiles(view.threads, out, make, [&](std::vector<TileHits>& surfaces, const Tile& tile) {
+        for (TileHits& surface : surfaces) surface.cast(tile, out);
+        IsosurfacesDrawn drawn;
+        std::vector<Layer> layers;
+        for (int y = 0; y < int(tile.bottom - tile.top); ++y)
+            for (int x = 0; x < int(tile.right - tile.left); ++x) {
+                const size_t pixel = TileHits::pixel_of(tile, x, y, out);
+                const float depth = out.depths[pixel];
+                layers.clear();
+                for (size_t n = 0; n < surfaces.size(); ++n) {
+                    ++drawn.rays;
+                    std::optional<FieldHit> hit = surfaces[n].hit(x, y);
+                    for (size_t count = 0; count < kMostLayers && hit && float(hit->t) < depth; ++count) {
+                        layers.push_back({*hit, n});
+                        hit = surfaces[n].hit_after(x, y, *hit, double(depth));
+                    }
+                }
+                if (layers.empty()) continue;
+                std::stable_sort(layers.begin(), layers.end(), [](const Layer& a, const Layer& b) { return a.hit.t < b.hit.t; });
+                LayerLight light;
+                for (const Layer& layer : layers) {
+                    light.add(surfaces[layer.surface].lit_color(x, y, layer.hit), pictures[layer.surface]->model.opacity);
+                    if (light.hides_all()) break;
+                }
+                if (alpha_of(out.colors[pixel]) > 0) light.add(out.colors[pixel], 1.0f);
+                out.colors[pixel] = light.color();
+                set_place(pixel, float(layers[0].hit.t), isosurface_id(layers[0].hit.cell, drawables[layers[0].surface]), out);
+                ++drawn.hits;
+            }
+        return drawn;
+    });
 }
 
 }  // namespace strata

@@ -1,12 +1,14 @@
 // strata render --iso as users run it: volumes and grids, several isovalues, beside meshes and points.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "render/image.h"
 #include "tests/support/run_program.h"
 #include "tests/support/temporary_folder.h"
 
@@ -90,6 +92,76 @@ TEST_F(RenderIsosurface, SeveralIsovaluesAndWhatIsBesideThem) {
         render({file("bells.mha"), file("core.ply"), "--iso", "30,60", "--clip-out", "500000,5300000,120,500030,5300010,160", "-o",
                 file("strips.png"), "--tile", "37", "--threads", "3", "--reference", file("two.png"), "--threshold", "0"});
     EXPECT_EQ(strips.exit_code, 0) << strips.err;
+}
+
+// An outer surface lets an inner one show through; over nothing the picture is as transparent.
+TEST_F(RenderIsosurface, OuterSurfacesLetInnerOnesShow) {
+    const auto picture = [&](std::vector<std::string> words, const char* name) {
+        words.insert(words.begin(), {file("bells.mha"), "--view", "front", "--ortho", "--edl", "0", "-o", file(name)});
+        const ProgramResult result = render(words);
+        EXPECT_EQ(result.exit_code, 0) << result.err;
+        return read_png(file(name));
+    };
+    const Image outer = picture({"--iso", "30"}, "outer.png"), both = picture({"--iso", "30,60"}, "opaque.png");
+    EXPECT_EQ(outer.pixels, both.pixels);  // which hides the inner one
+    const Image through = picture({"--iso", "30,60", "--opacity", "0.4,1"}, "through.png");
+    const Image alone = picture({"--iso", "30", "--opacity", "0.4"}, "alone.png");
+    const Image nothing_behind = picture({"--iso", "30", "--opacity", "0.4", "--transparent"}, "nothing_behind.png");
+    size_t inner = 0, only_outer = 0;
+    for (size_t i = 0; i < through.pixels.size(); ++i) {
+        if (through.pixels[i] != alone.pixels[i]) {
+            ++inner;
+            EXPECT_EQ(alpha_of(nothing_behind.pixels[i]), 163);  // two layers, (1 - 0.4)^2 pass
+        } else if (alpha_of(nothing_behind.pixels[i]) > 0) {
+            ++only_outer;
+        }
+        EXPECT_EQ(alpha_of(nothing_behind.pixels[i]) > 0, outer.pixels[i] != outer.pixels[0]);
+    }
+    EXPECT_GT(inner, 500u);
+    EXPECT_GT(only_outer, 500u);
+    for (const char* words : {"0", "1.5", "0.5,0.5,0.5", "x", "0.5,"})
+        EXPECT_EQ(render({file("bells.mha"), "--iso", "30,60", "--opacity", words, "-o", file("none.png")}).exit_code, 2) << words;
+    EXPECT_EQ(render({file("bells.mha"), "--opacity", "0.5", "-o", file("none.png")}).exit_code, 2);
+}
+
+// What the picture is made of, and what has no say in it.
+TEST_F(RenderIsosurface, StatisticsAndNotes) {
+    const ProgramResult two = render({file("bells.mha"), "--iso", "30,60", "-o", file("two.png"), "--stats", "--wireframe", "--backfaces"});
+    ASSERT_EQ(two.exit_code, 0) << two.err;
+    const nlohmann::json stats = nlohmann::json::parse(two.out)["isosurfaces"];
+    EXPECT_EQ(stats["isovalues"], nlohmann::json({30.0, 60.0}));
+    EXPECT_EQ(stats["bricks"], 6 * 5 * 5);
+    EXPECT_EQ(stats["rays"], 2 * 320 * 240);
+    EXPECT_GT(stats["hits"], 10'000);
+    EXPECT_GT(stats["bytes"], 6 * 5 * 5 * 512 * 4);
+    EXPECT_GT(stats["cells"], 1000);
+    EXPECT_NE(two.err.find("note: --wireframe is for triangles of meshes, and there are none"), std::string::npos) << two.err;
+    EXPECT_NE(two.err.find("note: --backfaces is for triangles of meshes, and there are none"), std::string::npos) << two.err;
+    EXPECT_EQ(render({file("bells.mha"), "--iso", "30", "-o", file("two.png"), "--wireframe", "--quiet"}).err, "");
+}
+
+// Views are framed around the surface and what clip boxes leave of it, not around the grid.
+TEST_F(RenderIsosurface, ViewsAreFramedAroundTheSurface) {
+    const auto rows_and_columns = [&](std::vector<std::string> words) {
+        words.insert(words.begin(), {file("bells.mha"), "--iso", "90", "--view", "front", "--ortho", "--edl", "0", "--transparent", "-o", file("framed.png")});
+        EXPECT_EQ(render(words).exit_code, 0);
+        const Image image = read_png(file("framed.png"));
+        uint32_t top = image.height, bottom = 0, left = image.width, right = 0;
+        for (uint32_t y = 0; y < image.height; ++y)
+            for (uint32_t x = 0; x < image.width; ++x) {
+                if (alpha_of(image.at(x, y)) == 0) continue;
+                top = std::min(top, y);
+                bottom = std::max(bottom, y + 1);
+                left = std::min(left, x);
+                right = std::max(right, x + 1);
+            }
+        return std::pair(bottom > top ? bottom - top : 0, right > left ? right - left : 0);
+    };
+    // Two small balls side by side, 10 units apart, then one alone, in a box that is much higher than it: each fills the picture in one direction,
+    // but for the margins and parts of cells, of which a ball has six.
+    EXPECT_GT(rows_and_columns({}).second, 260u);
+    EXPECT_GT(rows_and_columns({"--clip", "500000,,100,500011,,160"}).first, 170u);
+    EXPECT_GT(rows_and_columns({"--clip-out", "500011,,,,,"}).first, 170u);
 }
 
 TEST_F(RenderIsosurface, WrongWordsAreRefused) {

@@ -3,12 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
 #include "core/math/random.h"
 #include "core/surface/contour.h"
 #include "render/pass/mesh_pass.h"
+#include "render/srgb.h"
 #include "tests/support/empty_gbuffer.h"
 #include "tests/support/field_source.h"
 
@@ -60,7 +62,9 @@ TEST(IsosurfacePass, ASphereLooksLikeOne) {
     const FieldBricks field = sphere_field();
     const Camera camera = camera_from(kMiddle + Vec3d(0, -50, 0), kMiddle, Projection::orthographic, 30);
     GBuffer gbuffer = empty_gbuffer();
-    EXPECT_TRUE(draw_isosurface(model_of(field, "normal"), 5, view_of(camera), gbuffer));
+    const IsosurfacesDrawn drawn = draw_isosurface(model_of(field, "normal"), 5, view_of(camera), gbuffer);
+    EXPECT_EQ(drawn.rays, uint64_t{kWidth} * kHeight);
+    EXPECT_EQ(drawn.hits, uint64_t(std::count_if(gbuffer.depths.begin(), gbuffer.depths.end(), [](float depth) { return depth != kNoDepth; })));
     size_t covered = 0;
     for (uint32_t y = 0; y < kHeight; ++y)
         for (uint32_t x = 0; x < kWidth; ++x) {
@@ -134,7 +138,7 @@ TEST(IsosurfacePass, ThreadsAndStripsDoNotShow) {
     const Vec3d middle = far_placement().world_from_index(kMiddle);
     const Camera camera = camera_from(middle + Vec3d(9, -14, 20), middle, Projection::perspective, 22);
     GBuffer whole = empty_gbuffer();
-    ASSERT_TRUE(draw_isosurface(model_of(field), 1, view_of(camera), whole));
+    ASSERT_GT(draw_isosurface(model_of(field), 1, view_of(camera), whole).hits, 0u);
     EXPECT_GT(std::count_if(whole.depths.begin(), whole.depths.end(), [](float depth) { return depth != kNoDepth; }), 800);
     for (const int threads : {1, 3, 5}) {
         GBuffer parts = empty_gbuffer();
@@ -182,7 +186,75 @@ TEST(IsosurfacePass, NearerPixelsStayAndBoxesCut) {
     EXPECT_NEAR(cut.depths[middle], 50.0 + kRadius, 0.05);
     clips.push_back({.box = {.min = Vec3d(-100, 0, -100), .max = Vec3d(100, 100, 100)}, .action = ClipBox::Action::remove});
     GBuffer none = empty_gbuffer();
-    EXPECT_FALSE(draw_isosurface(model_of(field), 2, view_of(camera, clips), none));
+    EXPECT_EQ(draw_isosurface(model_of(field), 2, view_of(camera, clips), none).hits, 0u);
+}
+
+// Of a half hidden sphere each pixel shows the front over the back over what is behind, where that is not between: in linear light.
+TEST(IsosurfacePass, LayersHideWhatIsBehindInTheirOrder) {
+    const FieldBricks field = sphere_field();
+    const Camera camera = camera_from(kMiddle + Vec3d(0, -50, 0), kMiddle, Projection::orthographic, 30);
+    std::vector<IsosurfaceModel> models;
+    for (const double radius : {0.0, -6.0})
+        models.emplace_back(field, IsoLevel{radius, ContourInside::below}, IsosurfaceColors(field, "normal", 0, std::nullopt, {}), 2, radius == 0.0 ? 0.5f : 0.25f);
+    // Opaque surfaces by themselves: the front, and the back by cutting the front away.
+    const std::vector<ClipBox> cut = {{.box = {.min = Vec3d(-100, -100, -100), .max = Vec3d(100, kMiddle.y(), 100)}, .action = ClipBox::Action::remove}};
+    std::array<GBuffer, 4> sides;  // outer front, inner front, inner back, outer back
+    for (size_t side = 0; side < 4; ++side) {
+        sides[side] = empty_gbuffer();
+        draw_isosurface(models[side == 0 || side == 3 ? 0 : 1], 7, view_of(camera, side >= 2 ? cut : std::vector<ClipBox>()), sides[side]);
+    }
+    const auto behind = [&](GBuffer& out) {
+        for (size_t pixel = 0; pixel < out.depths.size(); ++pixel) {
+            if (pixel % 3 == 0) continue;
+            out.colors[pixel] = make_rgba(200, 40, 90);
+            out.depths[pixel] = pixel % 3 == 1 ? 50.0f : 90.0f;  // in the middle of the spheres, behind them
+        }
+    };
+    GBuffer seen = empty_gbuffer();
+    behind(seen);
+    const IsosurfacesDrawn drawn = draw_translucent(models, 7, view_of(camera), seen);
+    EXPECT_EQ(drawn.hits, uint64_t(std::count_if(sides[0].depths.begin(), sides[0].depths.end(), [](float depth) { return depth != kNoDepth; })));
+    size_t four = 0;
+    const auto light_of = [](uint8_t code) { return linear_from_srgb(code / 255.0); };
+    for (size_t pixel = 0; pixel < seen.depths.size(); ++pixel) {
+        if (sides[0].depths[pixel] == kNoDepth) continue;
+        // Near outlines a ray may meet a sphere twice before its middle, or behind it.
+        const auto near_outline = [&](size_t front, size_t back) {
+            const float a = sides[front].depths[pixel], b = sides[back].depths[pixel];
+            return (a == kNoDepth) != (b == kNoDepth) || (a != kNoDepth && b - a < 2.0f);
+        };
+        if (near_outline(0, 3) || near_outline(1, 2)) continue;
+        ASSERT_EQ(seen.depths[pixel], sides[0].depths[pixel]);
+        ASSERT_EQ(drawable_of(seen.ids[pixel]), 7u);
+        double passing = 1.0;
+        Vec3d light = Vec3d::Zero();
+        size_t layers = 0;
+        const auto add = [&](Rgba8 color, double opacity) {
+            light += passing * opacity * Vec3d(light_of(red_of(color)), light_of(green_of(color)), light_of(blue_of(color)));
+            passing *= 1.0 - opacity;
+        };
+        for (size_t side = 0; side < 4; ++side) {
+            if (sides[side].depths[pixel] == kNoDepth || (pixel % 3 == 1 && side >= 2)) continue;
+            add(sides[side].colors[pixel], side == 0 || side == 3 ? 0.5 : 0.25);
+            ++layers;
+        }
+        four += layers == 4;
+        if (pixel % 3 != 0) add(make_rgba(200, 40, 90), 1.0);
+        ASSERT_NEAR(int(alpha_of(seen.colors[pixel])), 255.0 * (1.0 - passing), 0.51) << pixel;
+        light /= 1.0 - passing;
+        ASSERT_NEAR(int(red_of(seen.colors[pixel])), 255.0 * srgb_from_linear(light.x()), 1.01) << pixel;
+        ASSERT_NEAR(int(green_of(seen.colors[pixel])), 255.0 * srgb_from_linear(light.y()), 1.01) << pixel;
+        ASSERT_NEAR(int(blue_of(seen.colors[pixel])), 255.0 * srgb_from_linear(light.z()), 1.01) << pixel;
+    }
+    EXPECT_GT(four, 200u);
+    for (const int threads : {1, 3}) {
+        GBuffer again = empty_gbuffer();
+        behind(again);
+        draw_translucent(models, 7, view_of(camera, {}, threads), again);
+        EXPECT_EQ(again.colors, seen.colors);
+        EXPECT_EQ(again.depths, seen.depths);
+        EXPECT_EQ(again.ids, seen.ids);
+    }
 }
 
 TEST(IsosurfaceModel, BoundsAreThoseOfItsCells) {
