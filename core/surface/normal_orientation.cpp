@@ -12,7 +12,9 @@ namespace strata {
 namespace {
 
 constexpr uint32_t kTurned = uint32_t{1} << 31;
-constexpr size_t kGrades = 1024;  // of agreement; equal ones in the order of cells
+constexpr float kDoubt = 0.9f;  // of two places one behind the other: both sides of a plate, or of one noisy sheet
+constexpr uint32_t kNoEdge = ~uint32_t{0};
+constexpr uint64_t kEdgesACell = 5;  // of a surface
 // A component looks up where the mean of its normals does so by this much, else its top does.
 constexpr double kPlainlyUp = 0.25;
 
@@ -28,11 +30,12 @@ std::vector<std::array<int32_t, 3>> later_cells(int reach) {
     return steps;
 }
 
-// How well two normals agree, -1 to 1: one is mirrored at the plane between the places, so that an arc, a corner and two sides of a plate agree fully.
+// How well two normals agree, -1 to 1: one is mirrored at the plane between the places, so that an arc and a corner agree fully, and two sides of a plate weakly.
 float agreement(const Vec3f& normal_a, const Vec3f& normal_b, const Vec3f& apart) {
     const float square = apart.squaredNorm();
     if (!(square > 0.0f)) return normal_a.dot(normal_b);
-    return normal_a.dot(normal_b) - 2.0f * apart.dot(normal_a) * apart.dot(normal_b) / square;
+    const float across = apart.dot(normal_a) * apart.dot(normal_b) / square;
+    return (normal_a.dot(normal_b) - 2.0f * across) * (1.0f - kDoubt * std::abs(across));
 }
 
 }  // namespace
@@ -46,7 +49,7 @@ void NormalOrientation::add(const std::vector<Cell>& cells) {
     if (keys_.size() >= kTurned) throw Error(ErrorKind::limit, "2147483648 cells of normals or more: a larger voxel size has fewer");
 }
 
-uint64_t NormalOrientation::memory_bytes() const { return keys_.size() * (sizeof(uint64_t) + 2 * sizeof(Vec3f) + sizeof(uint32_t) + 1 + 5 * sizeof(std::array<uint32_t, 2>)); }
+uint64_t NormalOrientation::memory_bytes() const { return keys_.size() * (sizeof(uint64_t) + 2 * sizeof(Vec3f) + sizeof(uint32_t) + 1 + sizeof(uint32_t) + kEdgesACell * 16); }
 
 uint32_t NormalOrientation::root_of(uint32_t cell, bool& turned) {
     turned = false;
@@ -83,32 +86,54 @@ void NormalOrientation::for_neighbors(int reach, const Use& use) {
     }
 }
 
+// Rounds, in each of which every part joins the neighbor that it agrees or disagrees with most: of two parts all edges between them have a vote,
+// so that one that lies across a gap or a thin sheet does not decide for a wall.
 void NormalOrientation::join(int reach) {
     struct Edge {
-        uint32_t a, b;  // b with the bit kTurned
+        uint32_t a, b;  // roots, the lesser first
+        int64_t vote;   // for the same side, 2^12 a cell that agrees fully; negative: for the other
     };
-    const auto for_edges = [&](const auto& use) {
-        for_neighbors(reach, [&](uint32_t a, uint32_t b, const Vec3f& step) {
-            bool turned = false;
-            if (reach > 1 && root_of(a, turned) == root_of(b, turned)) return;
-            const float sign = agreement(normals_[a], normals_[b], step + places_[b] - places_[a]);
-            use(size_t(std::clamp((1.0f - std::abs(sign)) * float(kGrades), 0.0f, float(kGrades - 1))), Edge{a, b | (sign < 0.0f ? kTurned : 0)});
-        });
-    };
-    std::array<uint64_t, kGrades + 1> begins = {};
-    for_edges([&](size_t grade, const Edge&) { ++begins[grade + 1]; });
-    for (size_t grade = 0; grade < kGrades; ++grade) begins[grade + 1] += begins[grade];
-    std::vector<Edge> edges(begins[kGrades]);
-    for_edges([&](size_t grade, const Edge& edge) { edges[begins[grade]++] = edge; });
-    for (const Edge& edge : edges) {
+    std::vector<Edge> edges;
+    const auto between_parts = [&](const Edge& edge) {  // no longer between two: a is b
         bool a_turned = false, b_turned = false;
-        uint32_t a = root_of(edge.a, a_turned), b = root_of(edge.b & ~kTurned, b_turned);
-        if (a == b) continue;
-        const bool turned = a_turned ^ b_turned ^ ((edge.b & kTurned) != 0);
-        if (ranks_[a] > ranks_[b]) std::swap(a, b);
-        ranks_[b] = std::max<uint8_t>(ranks_[b], uint8_t(ranks_[a] + 1));
-        parents_[a] = b | (turned ? kTurned : 0);
+        const uint32_t a = root_of(edge.a, a_turned), b = root_of(edge.b, b_turned);
+        return Edge{std::min(a, b), std::max(a, b), a_turned == b_turned ? edge.vote : -edge.vote};
+    };
+    for_neighbors(reach, [&](uint32_t a, uint32_t b, const Vec3f& step) {
+        const Edge edge = between_parts({a, b, std::lround(4096.0f * agreement(normals_[a], normals_[b], step + places_[b] - places_[a]))});
+        if (edge.a != edge.b) edges.push_back(edge);
+    });
+    std::vector<uint32_t> strongest(keys_.size());  // [root] edge
+    while (!edges.empty()) {
+        std::sort(edges.begin(), edges.end(), [](const Edge& x, const Edge& y) { return x.a != y.a ? x.a < y.a : x.b < y.b; });
+        size_t kept = 0;
+        for (const Edge& edge : edges) {
+            if (kept > 0 && edges[kept - 1].a == edge.a && edges[kept - 1].b == edge.b) edges[kept - 1].vote += edge.vote;
+            else edges[kept++] = edge;
+        }
+        edges.resize(kept);
+        std::fill(strongest.begin(), strongest.end(), kNoEdge);
+        for (uint32_t e = 0; e < kept; ++e)
+            for (const uint32_t end : {edges[e].a, edges[e].b}) {
+                uint32_t& best = strongest[end];
+                if (best == kNoEdge || std::abs(edges[e].vote) > std::abs(edges[best].vote)) best = e;
+            }
+        for (uint32_t part = 0; part < strongest.size(); ++part)
+            if (strongest[part] != kNoEdge) unite(edges[strongest[part]].a, edges[strongest[part]].b, edges[strongest[part]].vote < 0);
+        for (Edge& edge : edges) edge = between_parts(edge);
+        std::erase_if(edges, [](const Edge& edge) { return edge.a == edge.b; });
     }
+}
+
+void NormalOrientation::unite(uint32_t a, uint32_t b, bool turned) {
+    bool a_turned = false, b_turned = false;
+    a = root_of(a, a_turned);
+    b = root_of(b, b_turned);
+    if (a == b) return;
+    turned ^= a_turned ^ b_turned;
+    if (ranks_[a] > ranks_[b]) std::swap(a, b);
+    ranks_[b] = std::max<uint8_t>(ranks_[b], uint8_t(ranks_[a] + 1));
+    parents_[a] = b | (turned ? kTurned : 0);
 }
 
 void NormalOrientation::solve() {

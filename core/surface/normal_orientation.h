@@ -8,11 +8,14 @@
 
 namespace strata {
 
-/// Sides for the normals of a surface that were fitted, and may point either way: neighboring parts of it, cells of a grid, take the side
-/// that agrees best with that of their neighbors, the surest pairs first; those that do not touch, but lie up to three cells apart, last. Of what hangs
-/// together, most looks up; or where neither side does, as around an object, its top.
-/// source  H. Hoppe et al., "Surface reconstruction from unorganized points", SIGGRAPH 1992, for the spanning tree; S. Koenig, S. Gumhold,
-///         "Consistent propagation of normal orientations in point clouds", VMV 2009, for mirroring a normal from one place to another
+/// Sides for the normals of a surface that were fitted, and may point either way. Cells of a grid that touch vote for the same side or for
+/// opposite ones; in rounds, each part takes the side of the neighbor that it shares the plainest vote with, all edges between the two together. Parts
+/// that do not touch, but lie up to three cells apart, come last. Of what hangs together, most looks up; or where neither side does, as around
+/// an object, its top.
+/// source  H. Hoppe et al., "Surface reconstruction from unorganized points", SIGGRAPH 1992, for sides that spread; M. Keuper et al., "Efficient
+///         decomposition of image and mesh graphs by lifted multicuts", ICCV 2015, for sums of votes (a tree of single edges turns whole walls where
+///         one of them is wrong); S. Koenig, S. Gumhold, "Consistent propagation of normal orientations in point clouds", VMV 2009, for mirroring
+///         a normal from one place to another
 class NormalOrientation {
 public:
     struct Cell {
@@ -23,7 +26,7 @@ public:
 
     /// Cells in ascending order of k, then j, then i.
     void add(const std::vector<Cell>& cells);
-    /// cost  O(cells), 48 bytes each, and 8 bytes an edge between neighbors, 4 to 5 a cell of a surface
+    /// cost  O(cells log cells), 48 bytes each, and 16 bytes an edge between neighbors, 4 to 5 a cell of a surface
     void solve();
     /// After solve(): whether the normals of a cell turn about. false where there is no such cell.
     bool is_turned(const std::array<int32_t, 3>& at) const;
@@ -39,6 +42,7 @@ private:
     template <typename Use>
     void for_neighbors(int reach, const Use& use);
     void join(int reach);
+    void unite(uint32_t a, uint32_t b, bool turned);
 
     std::vector<uint64_t> keys_;  // ascending
     std::vector<Vec3f> places_, normals_;

@@ -266,7 +266,7 @@ TEST(PointSurface, TheSameWhateverTheThreads) {
     } store;
     for (const int threads : {2, 5}) {
         settings.threads = threads;
-        if (threads == 5) settings.scratch = &store, settings.memory_bytes = 1'500'000;
+        if (threads == 5) settings.scratch = &store, settings.memory_bytes = 2'500'000;
         const Made other = surface_of(ScannedPoints(points), settings);
         EXPECT_EQ(first.surface.positions, other.surface.positions);
         EXPECT_EQ(first.surface.triangles, other.surface.triangles);
