@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/cloud/attribute.h"
 #include "core/error.h"
 #include "render/colormap.h"
 #include "render/srgb.h"
@@ -17,6 +18,7 @@ namespace {
 constexpr Rgba8 kPlain = make_rgba(206, 200, 190);  // as voxels
 constexpr Rgba8 kNoValue = make_rgba(128, 128, 128);  // as points
 constexpr size_t kSampleVertices = 50'000;
+constexpr size_t kCategories = 256;  // colors of numbers without an order
 
 constexpr std::pair<std::string_view, MeshColors::Rule> kRules[] = {{"rgb", MeshColors::Rule::rgb},
                                                                     {"elevation", MeshColors::Rule::elevation},
@@ -28,7 +30,7 @@ template <typename ValueOf>
 ColorRange range_of(const TriangleMesh& mesh, const ValueOf& value_of) {
     const size_t step = 3 * mesh.triangles.size() / kSampleVertices + 1;
     std::vector<double> values;
-    for (size_t i = 0; i < mesh.triangles.size(); i += step) 
+    for (size_t i = 0; i < mesh.triangles.size(); i += step)
         for (const uint32_t vertex : mesh.triangles[i]) values.push_back(value_of(vertex));
     return percentile_range(values);
 }
@@ -54,6 +56,7 @@ size_t find_mesh_scalars(const TriangleMesh& mesh, std::string_view name) {
     const auto find = [&](const auto& matches) { return size_t(std::find_if(mesh.scalars.begin(), mesh.scalars.end(), matches) - mesh.scalars.begin()); };
     const size_t same = find([&](const MeshScalars& scalars) { return scalars.name == name; });
     if (same < mesh.scalars.size()) return same;
+    name = full_attribute_name(name);
     const auto are_alike = [](char in_file, char typed) { return in_file == typed || (in_file == '_' && std::isalnum(static_cast<unsigned char>(typed)) == 0); };
     return find([&](const MeshScalars& scalars) { return std::equal(scalars.name.begin(), scalars.name.end(), name.begin(), name.end(), are_alike); });
 }
@@ -61,6 +64,7 @@ size_t find_mesh_scalars(const TriangleMesh& mesh, std::string_view name) {
 MeshColors::MeshColors(const TriangleMesh& mesh, std::string_view name, std::optional<ColorRange> range, std::string_view colormap) {
     if (name.empty()) name = mesh.colors.empty() ? "plain" : "rgb";
     name_ = name;
+    AttributeLook look;
     if (is_rule(name)) {
         rule_ = std::find_if(std::begin(kRules), std::end(kRules), [&](const auto& rule) { return rule.first == name; })->second;
     } else {
@@ -68,12 +72,18 @@ MeshColors::MeshColors(const TriangleMesh& mesh, std::string_view name, std::opt
         if (scalars_ == mesh.scalars.size())
             throw Error(ErrorKind::usage, "meshes have no '" + name_ + "'; expected rgb, elevation, normal, plain or an attribute of vertices, which this one has " +
                                               (mesh.scalars.empty() ? "none of" : "these of: " + attributes_of(mesh).substr(2)));
-        rule_ = Rule::ramp;
+        look = look_of_attribute(mesh.scalars[scalars_].name);
+        rule_ = look.rule == ColorChannel::Rule::ramp ? Rule::ramp : Rule::category;
     }
     if (rule_ == Rule::rgb && mesh.colors.empty()) throw Error(ErrorKind::usage, "this mesh has no colors of vertices");
     table_.fill(kPlain);
+    if (rule_ == Rule::category) {
+        for (size_t number = 0; number < kCategories; ++number)
+            table_[number] = look.rule == ColorChannel::Rule::classification ? classification_colors()[number] : category_color(number);
+        return;
+    }
     if (rule_ != Rule::elevation && rule_ != Rule::ramp) return;
-    table_ = Colormap(colormap.empty() ? "fjord" : colormap).colors();
+    table_ = Colormap(colormap.empty() ? look.colormap : colormap).colors();
     if (range) range_ = *range;
     else if (rule_ == Rule::elevation) range_ = range_of(mesh, [&](uint32_t vertex) { return mesh.positions[vertex].z(); });
     else range_ = range_of(mesh, [&](uint32_t vertex) { return double(mesh.scalars[scalars_].values[vertex]); });
@@ -103,6 +113,13 @@ Vec3f MeshColors::light(const TriangleMesh& mesh, uint32_t triangle, const Vec3f
             double sum = 0.0;
             for (size_t corner = 0; corner < 3; ++corner) sum += double(weights[int(corner)]) * double(values[mesh.triangles[triangle][corner]]);
             return linear_light(ramp(sum));
+        }
+        case Rule::category: {
+            Eigen::Index corner;
+            weights.maxCoeff(&corner);
+            const double value = double(mesh.scalars[scalars_].values[mesh.triangles[triangle][size_t(corner)]]);
+            if (!(std::abs(value) < 0x1p62)) return linear_light(kNoValue);
+            return linear_light(table_[size_t(int64_t(value)) % kCategories]);
         }
         case Rule::normal: return linear_light(direction_color(normal));
     }

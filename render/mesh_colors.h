@@ -20,6 +20,7 @@ public:
         elevation,  // z, through a color map
         normal,     // a direction, as points have it
         ramp,       // an attribute of vertices, between them evenly, through a color map; gray where a corner's is unknown
+        category,   // an attribute without an order, such as classes: that of the nearest corner
     };
 
     /// name      rgb, elevation, normal, plain or an attribute; empty: rgb where vertices have colors, else plain

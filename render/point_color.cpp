@@ -151,6 +151,18 @@ ColorChannel find_color_channel(const CloudInfo& info, std::string_view name) {
     return attribute_channel(info, name);
 }
 
+AttributeLook look_of_attribute(std::string_view name) {
+    std::string spaced(full_attribute_name(name));
+    std::replace(spaced.begin(), spaced.end(), '_', ' ');
+    if (spaced == "label") return {.rule = Rule::category};
+    for (const NamedMode& mode : kModes) {
+        if (mode.name != spaced) continue;
+        if (mode.rule == Rule::classification || mode.rule == Rule::category) return {.rule = mode.rule};
+        if (mode.rule == Rule::ramp) return {.colormap = mode.colormap};
+    }
+    return {};
+}
+
 ColorRange percentile_range(std::vector<double>& values, double low_share, double high_share) {
     std::erase_if(values, [](double value) { return !std::isfinite(value); });
     if (values.empty()) return {};

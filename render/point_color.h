@@ -50,6 +50,13 @@ struct ColorChannel {
 /// throws  Error{usage}: the cloud has no such attribute; the message lists those it has
 ColorChannel find_color_channel(const CloudInfo& info, std::string_view name);
 
+/// How an attribute of that name looks, as find_color_channel has it; with _ in place of spaces, too.
+struct AttributeLook {
+    ColorChannel::Rule rule = ColorChannel::Rule::ramp;  // or classification, or category
+    std::string_view colormap = "fjord";                 // of a ramp
+};
+AttributeLook look_of_attribute(std::string_view name);
+
 /// What to show when the user did not say: rgb, else intensity where it varies in type, else elevation.
 std::string_view default_color(const CloudInfo& info);
 

@@ -321,9 +321,12 @@ void choose_colors(const Options& options, const SceneFiles& files, RenderReques
             refused = error;
             settings.color = find_color_channel(files.cloud->info(), sensible_color(*files.cloud));
         }
-        // Of one scene, equal heights have one color.
-        if (settings.color.rule == ColorChannel::Rule::elevation && !settings.range && !(files.voxels.empty() && files.meshes.empty() && files.fields.empty()))
-            settings.range = derive_range(*files.cloud, settings.color);
+        // Of one scene, equal heights have one color, and equal values of an attribute.
+        const bool of_heights = settings.color.rule == ColorChannel::Rule::elevation && !(files.voxels.empty() && files.meshes.empty() && files.fields.empty());
+        const bool of_values = settings.color.rule == ColorChannel::Rule::ramp && std::any_of(files.meshes.begin(), files.meshes.end(), [&](const OpenedMesh& model) {
+                                   return find_mesh_scalars(*model.mesh, name) < model.mesh->scalars.size();
+                               });
+        if (!settings.range && (of_heights || of_values)) settings.range = derive_range(*files.cloud, settings.color);
     }
     const VoxelShading shading = parse_voxels(options);
     for (const OpenedVoxels& model : files.voxels) {

@@ -643,6 +643,23 @@ TEST(MeshColors, AttributesGoThroughTheMap) {
     EXPECT_EQ(MeshColors(mesh, "none", std::nullopt, {}).light(mesh, 0, {1, 0, 0}, 0.0, Vec3f::UnitZ()), linear_light(make_rgba(128, 128, 128)));
 }
 
+// Numbers without an order are not mixed: a place has that of the corner that counts for most there, in the color that points have for it.
+TEST(MeshColors, ClassesAndLabelsAreTheirNearestCorners) {
+    TriangleMesh mesh = square_mesh(0.0);
+    mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+    mesh.scalars = {{"classification", {2, 6, 9, std::numeric_limits<float>::quiet_NaN()}}, {"label", {1, 257, 70'000, -1}}, {"return_number", {1, 2, 3, 4}}, {"intensity", {0, 5, 10, 10}}};
+    const auto color = [&](const char* name, uint32_t triangle, const Vec3f& weights) { return MeshColors(mesh, name, std::nullopt, {}).light(mesh, triangle, weights, 0.0, Vec3f::UnitZ()); };
+    EXPECT_EQ(MeshColors(mesh, "class", std::nullopt, {}).rule(), MeshColors::Rule::category);
+    EXPECT_EQ(color("classification", 0, {0.3f, 0.4f, 0.3f}), linear_light(classification_colors()[6]));
+    EXPECT_EQ(color("class", 0, {0.1f, 0.2f, 0.7f}), linear_light(classification_colors()[9]));
+    EXPECT_EQ(color("classification", 1, {0.2f, 0.2f, 0.6f}), linear_light(make_rgba(128, 128, 128)));
+    EXPECT_EQ(color("label", 0, {0.1f, 0.8f, 0.1f}), linear_light(category_color(257)));
+    EXPECT_EQ(color("label", 0, {0.1f, 0.1f, 0.8f}), linear_light(category_color(70'000)));
+    EXPECT_EQ(color("return", 1, {0.1f, 0.1f, 0.8f}), linear_light(category_color(4)));
+    // Intensities are gray, as those of points.
+    EXPECT_EQ(color("intensity", 0, {0, 1, 0}), linear_light(Colormap("gray").color(0.5)));
+}
+
 TEST(MeshColors, WhatAMeshDoesNotHaveIsRefused) {
     const TriangleMesh mesh = square_mesh(0.0);
     EXPECT_EQ(MeshColors(mesh, "", std::nullopt, {}).rule(), MeshColors::Rule::plain);
