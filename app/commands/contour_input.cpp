@@ -1,6 +1,7 @@
 // Surfaces by isovalues: what all kinds of values have in common.
 #include "app/commands/contour_input.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "app/commands/isovalues.h"
@@ -11,10 +12,17 @@ namespace strata {
 
 using nlohmann::ordered_json;
 
+bool BricksWithProgress::next_layer(FieldBrickLayer& out) {
+    if (!source_.next_layer(out)) return false;
+    const double share = double(out.k + kFieldBrickSide - least_k_) / double(std::max<int64_t>(layers_, 1));
+    progress_.update("surface", uint64_t(std::clamp(share, 0.0, 1.0) * double(samples_)), samples_);
+    return true;
+}
+
 ContourInput::ContourInput(const SurfaceRequest& request, ContourInside inside) {
     for (const auto& [given, flag] : {std::pair(request.quads, "--quads"), std::pair(!request.transparent.empty(), "--transparent")})
         if (given) throw Error(ErrorKind::usage, std::string(flag) + " is for --method cubes");
-    settings_ = {.isovalues = request.isovalues, .inside = request.inside.value_or(inside), .close = request.close, .normals = request.normals, .threads = request.threads, .memory_bytes = request.memory_bytes};
+    settings_ = {.isovalues = request.isovalues, .inside = request.inside.value_or(inside), .close = request.close, .normals = request.normals, .threads = request.threads, .memory_bytes = request.memory_bytes, .memory_parts = request.memory_parts};
 }
 
 void ContourInput::add_to(ordered_json& report) const {

@@ -6,6 +6,25 @@
 
 namespace strata {
 
+/// Bricks of a field on their way to the surface, with a line of progress that goes by layers.
+class BricksWithProgress : public FieldBrickSource {
+public:
+    /// least_k, end_k  where layers begin and end
+    /// samples         of the field, about
+    BricksWithProgress(FieldBrickSource& source, int64_t least_k, int64_t end_k, uint64_t samples, ProgressLine& progress)
+        : source_(source), least_k_(least_k), layers_(end_k - least_k), samples_(samples), progress_(progress) {}
+    const GridPlacement& placement() const override { return source_.placement(); }
+    float background() const override { return source_.background(); }
+    float absent_value(const std::array<int32_t, 3>& corner) const override { return source_.absent_value(corner); }
+    bool next_layer(FieldBrickLayer& out) override;
+
+private:
+    FieldBrickSource& source_;
+    int64_t least_k_, layers_;
+    uint64_t samples_;
+    ProgressLine& progress_;
+};
+
 /// A surface by isovalues.
 class ContourInput : public SurfaceInput {
 public:

@@ -248,7 +248,8 @@ int run(const Options& options) {
     ProgressLine progress(quiet);
     const uint64_t memory = request.memory_bytes;
     const std::unique_ptr<ScratchStore> field_scratch = make_scratch_file(folder), place_scratch = make_scratch_file(folder);
-    request.memory_bytes = memory / 2;  // an eighth is for buffers, the rest for places of vertices and what the report counts
+    request.memory_parts = 2;
+    request.memory_bytes = memory / request.memory_parts;  // an eighth is for buffers, the rest for places of vertices and what the report counts
     request.scratch = field_scratch.get();
     const std::unique_ptr<SurfaceInput> input = open_surface_input(options.positional, request);
     const bool can_touch = input->method() == SurfaceMethod::cubes && !request.quads;  // itself, along edges

@@ -48,6 +48,7 @@ struct SurfaceRequest {
     std::optional<RawVolumeLayout> raw;        // the input is samples alone
     int threads = 1;
     uint64_t memory_bytes = 0;
+    uint64_t memory_parts = 1;  // memory_bytes is one of so many of what was given: errors speak of that
     ScratchStore* scratch = nullptr;
     std::string scratch_folder;
 };

@@ -53,6 +53,7 @@ protected:
             if (given) throw Error(ErrorKind::usage, std::string(flag) + " is not for " + what);
         settings_.isovalues = {0.0};
         settings_.memory_bytes = request.memory_bytes / 2;
+        settings_.memory_parts = request.memory_parts * 2;
         const CloudInfo& info = source_->info();
         notes = info.notes;
         if (info.points == 0) throw Error(ErrorKind::malformed, words[0] + ": no points to make a surface of");

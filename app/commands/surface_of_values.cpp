@@ -43,8 +43,9 @@ private:
 class GridInput : public ContourInput {
 public:
     GridInput(const std::string& path, const SurfaceRequest& request)
-        : ContourInput(request, ContourInside::above), field_(open_vdb_field(path, {.grid = request.grid, .memory_bytes = request.memory_bytes / (request.attributes.empty() ? 2 : 4), .scratch = request.scratch})) {
+        : ContourInput(request, ContourInside::above), field_(open_vdb_field(path, {.grid = request.grid, .memory_bytes = request.memory_bytes / parts_for(request), .memory_parts = request.memory_parts * parts_for(request), .scratch = request.scratch})) {
         settings_.memory_bytes = request.memory_bytes / 2;
+        settings_.memory_parts = request.memory_parts * 2;
         refuse_flags_of_voxels(request);
         const bool is_level_set = field_->grid().grid_class == "level set";
         if (is_level_set && !request.inside) settings_.inside = ContourInside::below;
@@ -62,12 +63,16 @@ public:
 
     Box3d bounds() const override { return field_->bounds(); }
     double edge() const override { return field_->grid().voxel_size->cwiseAbs().minCoeff(); }
-    void extract(SurfaceSink& out, ProgressLine&) override { 
-        const ContourReport found = attributes_.extract_with(out, [&](SurfaceSink& sink) { return contour_bricks(*field_, settings_, sink); });
+    void extract(SurfaceSink& out, ProgressLine& progress) override {
+        BricksWithProgress bricks(*field_, field_->least_index().z(), int64_t{field_->greatest_index().z()} + 1, field_->bricks() * kFieldBrickSamples, progress);
+        const ContourReport found = attributes_.extract_with(out, [&](SurfaceSink& sink) { return contour_bricks(bricks, settings_, sink); });
         say_what_was_found(found, field_->least(), field_->greatest());
     }
 
 private:
+    // The field has one of so many parts of the memory; attributes have as much.
+    static uint64_t parts_for(const SurfaceRequest& request) { return request.attributes.empty() ? 2 : 4; }
+
     std::unique_ptr<VdbField> field_;
 };
 

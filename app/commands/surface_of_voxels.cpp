@@ -111,7 +111,8 @@ public:
                      .colors = voxels_.has_colors(),
                      .transparent = request.transparent,
                      .threads = request.threads,
-                     .memory_bytes = request.memory_bytes / 2};
+                     .memory_bytes = request.memory_bytes / 2,
+                     .memory_parts = request.memory_parts * 2};
     }
 
     SurfaceMethod method() const override { return SurfaceMethod::cubes; }
@@ -119,7 +120,8 @@ public:
     double edge() const override { return voxels_.cell_size(); }
     bool has_normals() const override { return settings_.normals; }
     bool has_colors() const override { return settings_.colors; }
-    void extract(SurfaceSink& out, ProgressLine&) override {
+    void extract(SurfaceSink& out, ProgressLine& progress) override {
+        settings_.on_progress = [&](uint64_t done, uint64_t total) { progress.update("surface", done, total); };
         counts_ = mesh_cubes(voxels_.tree, settings_, out);
         if (counts_.solid_voxels == 0) notes.emplace_back("there are no voxels: the mesh is empty");
     }
@@ -150,13 +152,15 @@ public:
 
     Box3d bounds() const override { return occupied_bounds(voxels_.tree); }
     double edge() const override { return voxels_.cell_size(); }
-    void extract(SurfaceSink& out, ProgressLine&) override {
+    void extract(SurfaceSink& out, ProgressLine& progress) override {
         if (voxels_.tree.empty()) {
             notes.emplace_back("there are no voxels: the mesh is empty");
             return;
         }
-        CoverageField field(voxels_.tree, voxels_.depth, settings_.threads, settings_.memory_bytes / 2);
-        const ContourReport found = attributes_.extract_with(out, [&](SurfaceSink& sink) { return contour_bricks(field, settings_, sink); });
+        CoverageField field(voxels_.tree, voxels_.depth, settings_.threads, settings_.memory_bytes / 2, settings_.memory_parts * 2);
+        const uint64_t cells = uint64_t{1} << voxels_.depth;
+        BricksWithProgress bricks(field, 0, int64_t(cells), cells * cells * cells, progress);
+        const ContourReport found = attributes_.extract_with(out, [&](SurfaceSink& sink) { return contour_bricks(bricks, settings_, sink); });
         say_what_was_found(found, 0.0, 1.0);
     }
 

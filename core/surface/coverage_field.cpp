@@ -15,8 +15,8 @@ constexpr int kBrickDepth = 3;  // 8 cells an axis
 
 }  // namespace
 
-CoverageField::CoverageField(const VoxelTree& tree, int depth, int threads, uint64_t memory_bytes)
-    : tree_(tree), depth_(depth), threads_(threads), memory_bytes_(memory_bytes) {
+CoverageField::CoverageField(const VoxelTree& tree, int depth, int threads, uint64_t memory_bytes, uint64_t memory_parts)
+    : tree_(tree), depth_(depth), threads_(threads), memory_bytes_(memory_bytes), memory_parts_(memory_parts) {
     if (depth < 1 || depth > tree.depth())
         throw Error(ErrorKind::usage, "expected a depth of 1 to " + std::to_string(tree.depth()) + ", got " + std::to_string(depth));
     side_log2_ = std::max(0, depth - kBrickDepth);
@@ -46,8 +46,8 @@ bool CoverageField::next_layer(FieldBrickLayer& out) {
 void CoverageField::add_part(const Part& part) {
     constexpr uint64_t kPartBytes = sizeof(Part) + sizeof(FieldBrickLayer::corners[0]) + kFieldBrickSamples * sizeof(float);
     if ((parts_.size() + 1) * kPartBytes > memory_bytes_)
-        throw Error(ErrorKind::limit, "a layer of cells needs more than " + std::to_string(parts_.size() * kPartBytes) + " bytes of memory, " +
-                                          std::to_string(memory_bytes_) + " are allowed; coarser cells need less");
+        throw Error(ErrorKind::limit, "a layer of cells needs more than " + std::to_string(parts_.size() * kPartBytes * memory_parts_) + " bytes of memory, " +
+                                          std::to_string(memory_bytes_ * memory_parts_) + " are allowed; coarser cells need less");
     parts_.push_back(part);
 }
 

@@ -17,8 +17,9 @@ class CoverageField : public FieldBrickSource {
 public:
     /// depth         1 to tree.depth(); at the last one cells are voxels, and values 0 or 1
     /// memory_bytes  for a layer: 2,072 bytes a brick
+    /// memory_parts  memory_bytes is one of so many of what was given: errors speak of that
     /// throws        Error{usage}: no such depth
-    CoverageField(const VoxelTree& tree, int depth, int threads = 1, uint64_t memory_bytes = std::numeric_limits<uint64_t>::max());
+    CoverageField(const VoxelTree& tree, int depth, int threads = 1, uint64_t memory_bytes = std::numeric_limits<uint64_t>::max(), uint64_t memory_parts = 1);
 
     const GridPlacement& placement() const override { return placement_; }
     float background() const override { return 0.0f; }
@@ -47,7 +48,7 @@ private:
 
     const VoxelTree& tree_;
     int depth_, threads_;
-    uint64_t memory_bytes_;
+    uint64_t memory_bytes_, memory_parts_;
     int side_log2_, brick_level_;  // bricks an axis; level of the nodes that bricks are, or are bytes of
     GridPlacement placement_;
     uint32_t next_ = 0;  // layer

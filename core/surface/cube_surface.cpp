@@ -84,7 +84,7 @@ private:
     void hold(uint64_t bytes) {
         const uint64_t held = held_bytes_.fetch_add(bytes) + bytes;
         if (held > settings_.memory_bytes)
-            throw Error(ErrorKind::limit, "faces of cubes need " + std::to_string(held) + " bytes of memory or more, " + std::to_string(settings_.memory_bytes) + " are allowed; coarser cells need less");
+            throw Error(ErrorKind::limit, "faces of cubes need " + std::to_string(held * settings_.memory_parts) + " bytes of memory or more, " + std::to_string(settings_.memory_bytes * settings_.memory_parts) + " are allowed; coarser cells need less");
     }
     template <class T>
     void let_go(std::vector<T>& list) {
@@ -109,7 +109,16 @@ private:
                     hold(bytes_of(corners_[brick]));
                 }
             workers_.give_back(std::move(worker));
+            const std::lock_guard lock(progress_mutex_);
+            report_progress(end - begin);
         });
+    }
+
+    // bricks  more that are done, each twice where corners are found first
+    void report_progress(size_t bricks) {
+        done_bricks_ += bricks;
+        const double share = double(done_bricks_) / double(bricks_.size() * (closed() ? 2 : 1));
+        if (settings_.on_progress) settings_.on_progress(std::min(counts_.solid_voxels, uint64_t(share * double(counts_.solid_voxels))), counts_.solid_voxels);
     }
 
     // Bricks are made side by side and put out in their order, by whoever is done when one's turn has come, for all.
@@ -238,6 +247,7 @@ private:
         counts_.quads += part.mesh.quads.size();
         if (part.rectangles != 0) put(part);
         if (closed()) forget(part.brick);
+        report_progress(1);
     }
 
     // Vertices that bricks put out before have are the same; the others get the next numbers.
@@ -319,6 +329,8 @@ private:
     IdlePool<Worker> workers_;
     CubeSurfaceCounts counts_;
     std::atomic<uint64_t> held_bytes_ = 0;  // of memory_bytes
+    std::mutex progress_mutex_;             // while corners are found
+    size_t done_bricks_ = 0;
     std::vector<std::vector<BrickCorner>> corners_;                     // [bricks], as long as one around is to be made, as are
     std::vector<std::vector<std::pair<CubeVertex, uint32_t>>> shared_;  // [bricks] with their numbers in the surface
     std::vector<uint32_t> numbers_;                                     // of a part's vertices in the surface

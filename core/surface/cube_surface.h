@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -28,6 +29,8 @@ struct CubeSurfaceSettings {
     std::vector<std::pair<VoxelColor, uint8_t>> transparent = {};  // colors that can be seen through, and their opacities
     int threads = 1;
     uint64_t memory_bytes = std::numeric_limits<uint64_t>::max();  // for bricks, corners and the faces of those in work
+    uint64_t memory_parts = 1;                                     // memory_bytes is one of so many of what was given: errors speak of that
+    std::function<void(uint64_t done, uint64_t total)> on_progress;  // cells, about; may be empty; called from any thread, one at a time
 };
 
 struct CubeSurfaceCounts {

@@ -34,7 +34,7 @@ bool is_same(float a, float b) { return a == b || (std::isnan(a) && std::isnan(b
 
 }  // namespace
 
-VdbField::VdbField(const ByteSource& source, const VdbFieldSettings& settings) : memory_bytes_(settings.memory_bytes), scratch_(settings.scratch) {
+VdbField::VdbField(const ByteSource& source, const VdbFieldSettings& settings) : memory_bytes_(settings.memory_bytes), memory_parts_(settings.memory_parts), scratch_(settings.scratch) {
     ByteStream stream(source);
     grid_ = choose_vdb_grid(read_vdb_header(stream), settings.grid, source.name());
     place_ = source.name() + ": grid " + grid_.name;
@@ -80,7 +80,7 @@ void VdbField::check_memory() const {
     uint64_t bytes = bricks_.capacity() * sizeof(Brick) + pages_.size() * kPageBricks * kBrickBytes;
     for (const std::vector<Region>& tiles : tiles_) bytes += tiles.capacity() * sizeof(Region);
     if (bytes > memory_bytes_)
-        throw Error(ErrorKind::limit, place_ + ": its values need more than " + std::to_string(bytes) + " bytes of memory, " + std::to_string(memory_bytes_) + " are allowed");
+        throw Error(ErrorKind::limit, place_ + ": its values need more than " + std::to_string(bytes * memory_parts_) + " bytes of memory, " + std::to_string(memory_bytes_ * memory_parts_) + " are allowed");
 }
 
 void VdbField::add_tile(const Vec3i& origin, int log2_side, float value) {
@@ -195,7 +195,7 @@ bool VdbField::next_layer(FieldBrickLayer& out) {
     size_t end = next_;
     while (end < bricks_.size() && bricks_[end].origin.z() == out.k) ++end;
     if ((end - next_) * kBrickBytes > memory_bytes_)
-        throw Error(ErrorKind::limit, place_ + ": a layer of it needs " + std::to_string((end - next_) * kBrickBytes) + " bytes of memory, " + std::to_string(memory_bytes_) + " are allowed");
+        throw Error(ErrorKind::limit, place_ + ": a layer of it needs " + std::to_string((end - next_) * kBrickBytes * memory_parts_) + " bytes of memory, " + std::to_string(memory_bytes_ * memory_parts_) + " are allowed");
     out.values.resize((end - next_) * kFieldBrickSamples);
     for (size_t i = 0; next_ < end; ++next_, ++i) {
         out.corners.push_back({bricks_[next_].origin.x(), bricks_[next_].origin.y()});

@@ -19,6 +19,7 @@ struct VdbFieldSettings {
     std::optional<int> component;                                      // 0 to 2, of a grid of vectors; none: it is one of scalars
     bool only_active = false;                                          // values that are not active, and the background, are NaN
     uint64_t memory_bytes = std::numeric_limits<uint64_t>::max();      // for what is kept of the tree
+    uint64_t memory_parts = 1;                                         // memory_bytes is one of so many of what was given: errors speak of that
     ScratchStore* scratch = nullptr;                                   // for values that do not fit; null: they must
 };
 
@@ -78,7 +79,7 @@ private:
     float background_ = 0.0f, least_ = std::numeric_limits<float>::infinity(), greatest_ = -std::numeric_limits<float>::infinity();
     Vec3i least_index_ = Vec3i::Constant(std::numeric_limits<int>::max()), greatest_index_ = Vec3i::Constant(std::numeric_limits<int>::min());
     Box3d bounds_;
-    uint64_t memory_bytes_;
+    uint64_t memory_bytes_, memory_parts_;
     ScratchStore* scratch_;
 
     std::vector<Brick> bricks_;                          // ascending by k, j, i

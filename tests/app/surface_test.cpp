@@ -13,6 +13,7 @@
 #include <numbers>
 #include <set>
 
+#include "core/math/random.h"
 #include "io/mesh/mesh_reader.h"
 #include "io/vdb/vdb_writer.h"
 #include "tests/support/las_file.h"
@@ -71,6 +72,35 @@ protected:
     }
     const TemporaryFolder folder_;
 };
+
+// Noise, whose mesh is more than ten times as large as its samples: what is made of it does not depend on the memory, which it keeps to.
+TEST_F(Surface, KeepsToItsMemory) {
+    Random random(3);
+    std::vector<float> values(size_t{120} * 120 * 60);
+    for (float& value : values) value = float(random.uniform(-1.0, 1.0));
+    write_bytes(file("noise.raw"), as_bytes(values));
+    const std::vector<std::string> words = {file("noise.raw"), "--dimensions", "120x120x60", "--type", "float", "--iso", "0", "--overwrite", "-o", file("out.ply")};
+    const auto with_memory = [&](const std::string& memory) {
+        std::vector<std::string> all = words;
+        all.insert(all.end(), {"--memory", memory});
+        return all;
+    };
+    json whole = surface(with_memory("1G"));
+    const std::string mesh = test::file_contents(file("out.ply"));
+    EXPECT_GT(whole["vertices"].get<uint64_t>(), 1'000'000u);
+    json report = surface(with_memory("8M"));
+    const double peak = report["peak_memory_bytes"];
+    EXPECT_TRUE(test::file_contents(file("out.ply")) == mesh);
+    for (const char* const key : {"seconds", "peak_memory_bytes"}) whole.erase(key), report.erase(key);
+    EXPECT_EQ(report, whole);
+    if (!test::built_with_sanitizer()) EXPECT_LT(peak, (8 << 20) + 70e6);  // the program itself, and its buffers
+    // What is too little is told in the words that were typed.
+    std::vector<std::string> little = with_memory("1K");
+    little.insert(little.begin(), "surface");
+    const ProgramResult refused = run_strata(little);
+    EXPECT_EQ(refused.exit_code, 1);
+    EXPECT_NE(refused.err.find("1024 are allowed"), std::string::npos) << refused.err;
+}
 
 // A closed surface within h^2 / 8R of the sphere on the edges, whatever file it goes to; what is said of it is what is in the file.
 TEST_F(Surface, ASphereInEveryFormat) {
