@@ -177,6 +177,23 @@ TEST(CubeSurface, IsTheSameWhateverTheThreads) {
     }
 }
 
+// It grows to all cells, whatever the threads.
+TEST(CubeSurface, SaysHowFarItIs) {
+    const VoxelTree tree = tree_of(random_boxes(4, 80, 11), true);
+    for (const Joints joints : {Joints::closed, Joints::separate})
+        for (const int threads : {1, 3}) {
+            std::vector<std::pair<uint64_t, uint64_t>> calls;
+            SurfaceInMemory surface;
+            const CubeSurfaceCounts counts = mesh_cubes(
+                tree, {.joints = joints, .threads = threads, .on_progress = [&](uint64_t done, uint64_t total) { calls.emplace_back(done, total); }}, surface);
+            ASSERT_GE(calls.size(), 10u);
+            EXPECT_TRUE(std::is_sorted(calls.begin(), calls.end()));
+            EXPECT_LT(calls.front().first, counts.solid_voxels / 2);
+            EXPECT_EQ(calls.front().second, counts.solid_voxels);
+            EXPECT_EQ(calls.back(), std::pair(counts.solid_voxels, counts.solid_voxels));
+        }
+}
+
 // Voxels in bands of colors: a band's top is one rectangle a brick, and colors are the voxels'.
 TEST(CubeSurface, ColorsPartRectanglesAndComeWithThem) {
     constexpr std::array<VoxelColor, 3> kColors = {{{255, 0, 0}, {0, 200, 0}, {10, 20, 30}}};

@@ -4,6 +4,7 @@
 
 #include "core/math/random.h"
 #include "core/voxel/mesh_voxels.h"
+#include "tests/support/run_program.h"
 #include "tests/support/test_meshes.h"
 #include "tests/support/voxels_of_mesh.h"
 
@@ -30,17 +31,18 @@ TriangleMesh snapped(TriangleMesh mesh, const VoxelFrame& frame) {
     return mesh;
 }
 
-// Compares every twentieth center or so with its winding number in double precision, but for those that have it within `margin` of 1/2,
+// Compares every twentieth center or so, sanitized every hundredth, with its winding number in double precision, but for those that have it within `margin` of 1/2,
 // or not a number.
 void expect_those_wound_around(const TriangleMesh& mesh, const VoxelFrame& frame, double margin, const char* name) {
     const CellGrid found = cells_of(mesh, frame, VoxelKind::solid);
     const TriangleMesh twin = snapped(mesh, frame);
     uint64_t compared = 0, inside = 0, asked = 0;
     Random random(6);
+    const uint64_t step = test::built_with_sanitizer() ? 100 : 20;
     for (uint32_t x = 0; x < found.side; ++x)
         for (uint32_t y = 0; y < found.side; ++y)
             for (uint32_t z = 0; z < found.side; ++z) {
-                if (found.side > 16 && random.bits() % 20 != 0) continue;
+                if (found.side > 16 && random.bits() % step != 0) continue;
                 ++asked;
                 const double w = winding_number(twin, center_of(x, y, z));
                 if (!(std::abs(w - 0.5) > margin)) continue;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/math/random.h"
+#include "tests/support/run_program.h"
 #include "tests/support/voxel_cube.h"
 
 namespace strata {
@@ -285,7 +286,7 @@ std::string described(const std::optional<VoxelHit>& hit) {
 /// Rays in all: STRATA_RAYS, or as many as take a few seconds.
 int ray_count() {
     const char* text = std::getenv("STRATA_RAYS");
-    return text ? std::atoi(text) : 1'000'000;
+    return text ? std::atoi(text) : test::built_with_sanitizer() ? 250'000 : 1'000'000;
 }
 
 VoxelTree tree_of_one(int levels, uint32_t x, uint32_t y, uint32_t z) {
