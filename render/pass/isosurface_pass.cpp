@@ -97,9 +97,9 @@ public:
 
     // The next hit of a pixel's ray after one.
     std::optional<FieldHit> hit_after(int x, int y, const FieldHit& hit, double far) {
-        // So far beyond that the side on which the ray now is can be told.
-        constexpr double kBeyond = 0x1p-24;  // cells
-        return next_hit(x, y, hit.t + kBeyond / rays_.ray(x, y).direction.cwiseAbs().maxCoeff(), far);
+        // So far beyond that the side on which the ray now is can be told, from far away too.
+        constexpr double kBeyond = 0x1p-24, kBeyondPart = 0x1p-44;  // cells; of the distance
+        return next_hit(x, y, hit.t + std::max(kBeyond / rays_.ray(x, y).direction.cwiseAbs().maxCoeff(), kBeyondPart * hit.t), far);
     }
 
     Rgba8 lit_color(int x, int y, const FieldHit& hit) const {
