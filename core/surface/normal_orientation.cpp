@@ -15,7 +15,7 @@ constexpr uint32_t kTurned = uint32_t{1} << 31;
 constexpr float kDoubt = 0.9f;  // of two places one behind the other: both sides of a plate, or of one noisy sheet
 constexpr uint32_t kNoEdge = ~uint32_t{0};
 constexpr uint64_t kEdgesACell = 5;  // of a surface
-// A component looks up where the mean of its normals does so by this much, else its top does.
+// Of what looks up or down in a component, the share by which one must exceed the other to decide; else its top looks up. Walls have no say.
 constexpr double kPlainlyUp = 0.25;
 
 constexpr int kMostReach = 3;  // cells from one to another that it may take its side from, where none is nearer
@@ -145,8 +145,7 @@ void NormalOrientation::solve() {
 
     // What looks up, of each component, at its root.
     struct Up {
-        double all = 0.0, top = 0.0;
-        uint64_t cells = 0;
+        double all = 0.0, either = 0.0, top = 0.0;
         uint64_t highest = 0;  // k
     };
     std::vector<uint32_t> numbers(count);
@@ -164,7 +163,7 @@ void NormalOrientation::solve() {
         turned_[cell] = turned;
         up.all += turned ? -double(normals_[cell].z()) : double(normals_[cell].z());
         up.highest = std::max(up.highest, keys_[cell] >> 40);
-        ++up.cells;
+        up.either += std::abs(double(normals_[cell].z()));
     }
     for (uint32_t cell = 0; cell < count; ++cell) {
         bool turned = false;
@@ -174,7 +173,7 @@ void NormalOrientation::solve() {
     for (uint32_t cell = 0; cell < count; ++cell) {
         bool turned = false;
         const Up& up = ups[numbers[root_of(cell, turned)]];
-        const bool plainly = std::abs(up.all) > kPlainlyUp * double(up.cells);
+        const bool plainly = std::abs(up.all) > kPlainlyUp * up.either;
         if ((plainly ? up.all : up.top) < 0.0) turned_[cell] = !turned_[cell];
     }
     places_ = {};

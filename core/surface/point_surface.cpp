@@ -20,6 +20,9 @@ namespace strata {
 namespace {
 
 constexpr double kLeastRadius = 2.0, kMostRadius = 7.0;  // spacings; within the layers next to a sample's
+// Spacings: between neighboring samples on different sides of a surface the field changes by about one. Where it changes by more, each is at a
+// sheet of its own, and none is between.
+constexpr float kMostStep = 1.75f;
 constexpr int kOrientationCell = 1;                      // samples
 
 // The cell in which the side of a point's normal is chosen.
@@ -181,6 +184,7 @@ void PointSurface::fill(FieldBrickLayer& out) {
             for (float& value : values) value *= spacing;
         }
     });
+    drop_jumps(out);
     size_t kept = 0;
     for (size_t b = 0; b < reached.size(); ++b) {
         if (reached[b] == 0) continue;
@@ -190,6 +194,59 @@ void PointSurface::fill(FieldBrickLayer& out) {
     }
     out.corners.resize(kept);
     out.values.resize(kept * kFieldBrickSamples);
+}
+
+// Of neighboring samples that no surface is between, although their signs differ, the one that is farther from its sheet is not known; across layers
+// that of the upper one, as the other is gone.
+void PointSurface::drop_jumps(FieldBrickLayer& out) {
+    constexpr size_t kSide = kFieldBrickSide, kPlane = kSide * kSide;
+    const size_t bricks = out.corners.size();
+    const float most = kMostStep * float(settings_.spacing);
+    const auto find = [](const std::vector<std::array<int32_t, 2>>& corners, const std::array<int32_t, 2>& wanted) {
+        const auto found = std::lower_bound(corners.begin(), corners.end(), wanted, [](const auto& a, const auto& b) { return a[1] != b[1] ? a[1] < b[1] : a[0] < b[0]; });
+        return found != corners.end() && *found == wanted ? size_t(found - corners.begin()) : corners.size();
+    };
+    const auto is_jump = [&](float a, float b) { return (a < 0.0f) != (b < 0.0f) && std::abs(a) + std::abs(b) > most; };
+    std::vector<std::vector<uint16_t>> dropped(bricks);
+    const bool follows = top_.k + kFieldBrickSide == out.k;
+    parallel_blocks(settings_.threads, bricks, 32, [&](size_t begin, size_t end) {
+        for (size_t b = begin; b < end; ++b) {
+            const float* const values = out.values.data() + b * kFieldBrickSamples;
+            const auto compare = [&](size_t at, float other, bool anyway) {
+                if (is_jump(values[at], other) && (anyway || std::abs(values[at]) >= std::abs(other))) dropped[b].push_back(uint16_t(at));
+            };
+            for (size_t at = 0; at < kFieldBrickSamples; ++at) {
+                if (std::isnan(values[at])) continue;
+                for (const size_t step : {size_t{1}, kSide, kPlane}) {
+                    const size_t place = at / step % kSide;
+                    if (place > 0) compare(at, values[at - step], false);
+                    if (place + 1 < kSide) compare(at, values[at + step], false);
+                }
+            }
+            const std::array<int32_t, 2> corner = out.corners[b];
+            for (const int axis : {0, 1})
+                for (const bool upper : {false, true}) {
+                    std::array<int32_t, 2> beside = corner;
+                    beside[size_t(axis)] += upper ? kFieldBrickSide : -kFieldBrickSide;
+                    const size_t other = find(out.corners, beside);
+                    if (other == bricks) continue;
+                    const size_t step = axis == 0 ? 1 : kSide, across = axis == 0 ? kSide : 1, here = upper ? (kSide - 1) * step : 0, there = upper ? 0 : (kSide - 1) * step;
+                    for (size_t k = 0; k < kSide; ++k)
+                        for (size_t n = 0; n < kSide; ++n)
+                            compare(k * kPlane + n * across + here, out.values[other * kFieldBrickSamples + k * kPlane + n * across + there], false);
+                }
+            if (const size_t below = follows ? find(top_.corners, corner) : top_.corners.size(); below < top_.corners.size())
+                for (size_t n = 0; n < kPlane; ++n) compare(n, top_.values[below * kPlane + n], true);
+        }
+    });
+    top_.k = out.k;
+    top_.corners = out.corners;
+    top_.values.resize(bricks * kPlane);
+    for (size_t b = 0; b < bricks; ++b) {
+        float* const values = out.values.data() + b * kFieldBrickSamples;
+        std::copy_n(values + (kSide - 1) * kPlane, kPlane, top_.values.begin() + ptrdiff_t(b * kPlane));
+        for (const uint16_t at : dropped[b]) values[at] = std::numeric_limits<float>::quiet_NaN();
+    }
 }
 
 }  // namespace strata

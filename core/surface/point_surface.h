@@ -69,6 +69,7 @@ private:
     void find_normals(bool fit, bool turn);
     void load(size_t layer);
     void fill(FieldBrickLayer& out);
+    void drop_jumps(FieldBrickLayer& out);
 
     PointSurfaceSettings settings_;
     PointGrid grid_;
@@ -78,6 +79,7 @@ private:
     NormalOrientation orientation_;        // of their sides; no cells: they are as they are
     size_t next_ = 0;                                            // layer
     std::array<std::shared_ptr<const PointLayer>, 3> near_;  // the layer below, this one and the one above; by layer % 3
+    FieldBrickLayer top_;  // of the layer before: its uppermost samples, 64 a brick
     PointSurfaceReport report_;
     PointWindow window_;
 };

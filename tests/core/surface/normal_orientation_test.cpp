@@ -97,6 +97,21 @@ TEST(NormalOrientation, MostEdgesDecide) {
     EXPECT_GE(cells.right(), cells.size() * 97 / 100);
 }
 
+// A court whose walls are larger than its ground, and end above in an eave that looks down: the ground looks up all the same.
+TEST(NormalOrientation, WallsHaveNoSay) {
+    Cells cells;
+    for (double x = 0.5; x < 30.0; ++x)
+        for (double y = 0.5; y < 30.0; ++y) cells.add({x + 20.0, y + 20.0, 20.5}, Vec3d::UnitZ());
+    for (double z = 1.5; z < 80.0; ++z)
+        for (double a = 0.5; a < 30.0; ++a) {
+            cells.add({20.5, a + 20.0, 20.0 + z}, Vec3d::UnitX());
+            cells.add({49.5, a + 20.0, 20.0 + z}, -Vec3d::UnitX());
+        }
+    for (double a = 0.5; a < 30.0; ++a)
+        for (double b = 0.5; b < 4.0; ++b) cells.add({20.5 + b, a + 20.0, 100.5}, -Vec3d::UnitZ());
+    EXPECT_EQ(cells.right(), cells.size());
+}
+
 TEST(NormalOrientation, NothingIsNothing) {
     NormalOrientation orientation;
     orientation.add({});

@@ -9,6 +9,7 @@
 #include <map>
 #include <mutex>
 #include <numbers>
+#include <tuple>
 
 #include "core/error.h"
 #include "core/math/random.h"
@@ -182,15 +183,16 @@ TEST(PointSurface, HalfASphereIsOpen) {
 // Two sheets stay two, be they plates' sides (of opposite normals) near each other, or floors (of equal ones) as far apart as the radius.
 TEST(PointSurface, SheetsStayApart) {
     const double h = 0.06;
-    for (const auto& [gap, same] : {std::pair(2.0 * h, true), std::pair(1.2 * h, true), std::pair(2.0 * h, false), std::pair(0.5 * h, false)}) {
-        std::vector<ScannedPoint> points = plane_points({0.0, 0.0, 0.01}, Vec3d::UnitZ(), 0.5, 0.02);
-        for (ScannedPoint p : plane_points({0.0, 0.0, 0.01 - gap}, same ? Vec3d(Vec3d::UnitZ()) : Vec3d(-Vec3d::UnitZ()), 0.5, 0.02)) points.push_back(p);
+    for (const auto& [gap, same, top] : {std::tuple(2.0 * h, true, 0.01), std::tuple(1.5 * h, true, 0.01), std::tuple(1.2 * h, true, 0.01), std::tuple(1.2 * h, true, 0.004), std::tuple(1.2 * h, true, 0.171),
+                                         std::tuple(2.0 * h, false, 0.01), std::tuple(0.5 * h, false, 0.01)}) {
+        std::vector<ScannedPoint> points = plane_points({0.0, 0.0, top}, Vec3d::UnitZ(), 0.5, 0.02);
+        for (ScannedPoint p : plane_points({0.0, 0.0, top - gap}, same ? Vec3d(Vec3d::UnitZ()) : Vec3d(-Vec3d::UnitZ()), 0.5, 0.02)) points.push_back(p);
         const Made made = surface_of(ScannedPoints(points), {.spacing = 0.02, .radius = h});
-        EXPECT_EQ(made.report.components, 2u) << gap << same;
+        EXPECT_EQ(made.report.components, 2u) << gap << " " << same << " " << top;
         EXPECT_EQ(made.report.euler_characteristic, 2);
         for (const Vec3d& p : made.surface.positions) {
             if (p.head<2>().cwiseAbs().maxCoeff() > 0.45) continue;
-            EXPECT_LT(std::min(std::abs(p.z() - 0.01), std::abs(p.z() - 0.01 + gap)), 1e-3 * h) << gap << same << p.transpose();
+            EXPECT_LT(std::min(std::abs(p.z() - top), std::abs(p.z() - top + gap)), 1e-3 * h) << gap << same << p.transpose();
         }
     }
 }
