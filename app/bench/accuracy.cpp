@@ -4,6 +4,7 @@
 #include "app/bench/contour_cases.h"
 #include "app/bench/edl_cases.h"
 #include "app/bench/normal_cases.h"
+#include "app/bench/point_surface_cases.h"
 #include "app/bench/ssao_cases.h"
 #include "app/bench/ssao_forms.h"
 #include "app/bench/splat_cases.h"
@@ -13,7 +14,7 @@ namespace strata {
 namespace {
 
 constexpr std::optional<BenchSection> (*kComparisons[])(BenchScene&, const BenchSettings&) = {run_splat_cases, run_edl_cases, run_ssao_cases, run_ssao_forms,
-                                                                                                       run_normal_cases, run_cone_cases, run_contour_cases};
+                                                                                                       run_normal_cases, run_cone_cases, run_contour_cases, run_point_surface_cases};
 
 }  // namespace
 

@@ -138,7 +138,7 @@ public:
         const auto field = make_field<PointSurface>(progress, [&](const Box3d& bounds, const auto& on_points) {
             return std::make_unique<PointSurface>(*source_, bounds,
                                                   PointSurfaceSettings{.spacing = step_, .radius = radius_, .viewpoint = request_.viewpoint, .form = form_, .keep_points = is_painted(), .threads = request_.threads,
-                                                                       .memory_bytes = request_.memory_bytes / 4, .scratch = request_.scratch, .on_points = on_points});
+                                                                       .memory_bytes = request_.memory_bytes / 2, .scratch = request_.scratch, .on_points = on_points});
         });
         found_ = field->report();
         contour(*field, radius_, out);
