@@ -1,6 +1,7 @@
 #include "core/surface/layer_normals.h"
 
 #include <algorithm>
+#include <cstring>
 
 #include "core/cloud/plane_fit.h"
 #include "core/parallel.h"
@@ -29,29 +30,26 @@ struct Moments {
     }
 };
 
+using Lanes = float __attribute__((vector_size(4 * kLanes)));
+
 inline __attribute__((always_inline)) void add_moments(const NearPoints& points, const Vec3f& center, float radius, Moments& moments) {
-    Moments m = {};
-    const float scale = 1.0f / (radius * radius);
-    const float *const x = points.x.data(), *const y = points.y.data(), *const z = points.z.data();
-    const float cx = center.x(), cy = center.y(), cz = center.z();
-    for (size_t n = 0; n < points.x.size(); n += kLanes)
-        for (size_t lane = 0; lane < kLanes; ++lane) {
-            const float dx = x[n + lane] - cx, dy = y[n + lane] - cy, dz = z[n + lane] - cz;
-            const float w = std::max(0.0f, 1.0f - (dx * dx + dy * dy + dz * dz) * scale);
-            const float wx = w * dx, wy = w * dy, wz = w * dz;
-            m.sums[Moments::kCount][lane] += w > 0.0f ? 1.0f : 0.0f;
-            m.sums[Moments::kWeight][lane] += w;
-            m.sums[Moments::kX][lane] += wx;
-            m.sums[Moments::kY][lane] += wy;
-            m.sums[Moments::kZ][lane] += wz;
-            m.sums[Moments::kXX][lane] += wx * dx;
-            m.sums[Moments::kXY][lane] += wx * dy;
-            m.sums[Moments::kXZ][lane] += wx * dz;
-            m.sums[Moments::kYY][lane] += wy * dy;
-            m.sums[Moments::kYZ][lane] += wy * dz;
-            m.sums[Moments::kZZ][lane] += wz * dz;
-        }
-    moments = m;
+    const float scale = 1.0f / (radius * radius), cx = center.x(), cy = center.y(), cz = center.z();
+    const float *const px = points.x.data(), *const py = points.y.data(), *const pz = points.z.data();
+    Lanes count = {}, weight = {}, x = {}, y = {}, z = {}, xx = {}, xy = {}, xz = {}, yy = {}, yz = {}, zz = {};
+    for (size_t n = 0; n < points.x.size(); n += kLanes) {
+        Lanes dx, dy, dz;
+        std::memcpy(&dx, px + n, sizeof dx);
+        std::memcpy(&dy, py + n, sizeof dy);
+        std::memcpy(&dz, pz + n, sizeof dz);
+        dx -= cx, dy -= cy, dz -= cz;
+        const Lanes rest = 1.0f - (dx * dx + dy * dy + dz * dz) * scale, w = rest > 0.0f ? rest : Lanes{}, wx = w * dx, wy = w * dy, wz = w * dz;
+        count += w > 0.0f ? Lanes{} + 1.0f : Lanes{};
+        weight += w;
+        x += wx, y += wy, z += wz;
+        xx += wx * dx, xy += wx * dy, xz += wx * dz, yy += wy * dy, yz += wy * dz, zz += wz * dz;
+    }
+    const Lanes all[Moments::kAll] = {count, weight, x, y, z, xx, xy, xz, yy, yz, zz};
+    std::memcpy(moments.sums, all, sizeof all);
 }
 STRATA_KERNEL_BASELINE void moments_baseline(const NearPoints& points, const Vec3f& center, float radius, Moments& moments) { add_moments(points, center, radius, moments); }
 STRATA_KERNEL_AVX2 void moments_avx2(const NearPoints& points, const Vec3f& center, float radius, Moments& moments) { add_moments(points, center, radius, moments); }

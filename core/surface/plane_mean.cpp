@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "core/simd_target.h"
@@ -22,76 +23,93 @@ constexpr float kLeastCoherence = 0.05f, kSharp = 0.9f, kRound = 0.97f;
 constexpr float kMostDistance = 2.0f;
 constexpr float kLeastPoints = 3.5f;  // 4, as counted in floats
 
-inline __attribute__((always_inline)) float weight_of(float square) {
-    const float rest = std::max(0.0f, 1.0f - square), rest_square = rest * rest;
-    return rest_square * rest_square;
-}
+// A row of 8 samples.
+using Row = float __attribute__((vector_size(32)));
+constexpr Row kAlong = {0, 1, 2, 3, 4, 5, 6, 7};
+
+#define STRATA_INLINE inline __attribute__((always_inline))
+
+STRATA_INLINE void load(Row& row, const float* from) { std::memcpy(&row, from, sizeof row); }
+STRATA_INLINE void store(const Row& row, float* to) { std::memcpy(to, &row, sizeof row); }
 
 }  // namespace
 
-// Calls row(point, first sample of the row, offsets along j and k from the point, what these leave of 1) for rows of 8 samples within reach.
-template <typename Row>
-inline __attribute__((always_inline)) void PlaneMean::for_rows(const NearPoints& points, const Row& row) const {
+// By row, as sums over a row stay in registers then. In the order of the points.
+void PlaneMean::gather_rows(const NearPoints& points) {
     const float radius_square = radius_ * radius_;
-    for (size_t p = 0; p < points.size(); ++p) {
-        const float y = points.y[p], z = points.z[p];
-        const int first_k = std::max(int(std::ceil(z - radius_)), 0), last_k = std::min(int(std::floor(z + radius_)), kSide - 1);
-        const int first_j = std::max(int(std::ceil(y - radius_)), 0), last_j = std::min(int(std::floor(y + radius_)), kSide - 1);
-        for (int k = first_k; k <= last_k; ++k)
-            for (int j = first_j; j <= last_j; ++j) {
-                const float dy = float(j) - y, dz = float(k) - z, square = dy * dy + dz * dz;
-                if (square < radius_square) row(p, size_t(k * kSide + j) * kSide, dy, dz, square);
+    row_points_.clear();
+    std::array<std::vector<uint32_t>, kSide> planes;
+    for (size_t k = 0; k < kSide; ++k) {
+        std::vector<uint32_t>& plane = planes[k];
+        for (size_t p = 0; p < points.size(); ++p)
+            if (std::abs(float(k) - points.z[p]) < radius_) plane.push_back(uint32_t(p));
+        for (size_t j = 0; j < kSide; ++j) {
+            row_begins_[k * kSide + j] = uint32_t(row_points_.size());
+            for (const uint32_t p : plane) {
+                const float dy = float(j) - points.y[p], dz = float(k) - points.z[p], square = dy * dy + dz * dz;
+                if (square >= radius_square) continue;
+                const Vec3f& n = points.normals[p];
+                row_points_.push_back({square, points.x[p], n.x(), n.y(), n.z(), dy, dz, n.y() * dy + n.z() * dz});
             }
+        }
+    }
+    row_begins_[kSide * kSide] = uint32_t(row_points_.size());
+}
+
+STRATA_INLINE void PlaneMean::add_normals() {
+    const float scale = 1.0f / (radius_ * radius_);
+    for (size_t row = 0; row < kSide * kSide; ++row) {
+        Row sx = {}, sy = {}, sz = {}, sw = {};
+        for (size_t p = row_begins_[row]; p < row_begins_[row + 1]; ++p) {
+            const RowPoint& point = row_points_[p];
+            const Row dx = kAlong - point.x, rest = 1.0f - (dx * dx + point.square) * scale, kept = rest > 0.0f ? rest : Row{}, square = kept * kept, w = square * square;
+            sx += w * point.nx;
+            sy += w * point.ny;
+            sz += w * point.nz;
+            sw += w;
+        }
+        store(sx, sums(kNormalX) + row * kSide);
+        store(sy, sums(kNormalY) + row * kSide);
+        store(sz, sums(kNormalZ) + row * kSide);
+        store(sw, sums(kCoherence) + row * kSide);
     }
 }
 
-inline __attribute__((always_inline)) void PlaneMean::add_normals(const NearPoints& points) {
+STRATA_INLINE void PlaneMean::add_planes() {
     const float scale = 1.0f / (radius_ * radius_);
-    float *const sx = sums(kNormalX), *const sy = sums(kNormalY), *const sz = sums(kNormalZ), *const sw = sums(kCoherence);
-    for_rows(points, [&](size_t p, size_t first, float, float, float square) {
-        const float x = points.x[p];
-        const Vec3f& n = points.normals[p];
-        const float nx = n.x(), ny = n.y(), nz = n.z();
-        for (int i = 0; i < kSide; ++i) {
-            const float dx = float(i) - x, w = weight_of((dx * dx + square) * scale);
-            sx[first + size_t(i)] += w * nx;
-            sy[first + size_t(i)] += w * ny;
-            sz[first + size_t(i)] += w * nz;
-            sw[first + size_t(i)] += w;
+    for (size_t row = 0; row < kSide * kSide; ++row) {
+        Row mx, my, mz, all, sw = {}, sn = {}, sd = {}, sdd = {}, sx = {}, sy = {}, sz = {};
+        load(mx, sums(kNormalX) + row * kSide);
+        load(my, sums(kNormalY) + row * kSide);
+        load(mz, sums(kNormalZ) + row * kSide);
+        load(all, sums(kAllAgree) + row * kSide);
+        for (size_t p = row_begins_[row]; p < row_begins_[row + 1]; ++p) {
+            const RowPoint& point = row_points_[p];
+            const Row dx = kAlong - point.x, rest = 1.0f - (dx * dx + point.square) * scale, kept = rest > 0.0f ? rest : Row{}, square = kept * kept;
+            const Row agreement = all + mx * point.nx + my * point.ny + mz * point.nz, agreed = agreement > 0.0f ? agreement : Row{};
+            const Row w = square * square * (agreed * agreed), d = dx * point.nx + point.beside, wd = w * d;
+            sw += w;
+            sn += w > 0.0f ? Row{} + 1.0f : Row{};
+            sd += wd;
+            sdd += wd * d;
+            sx += w * dx;
+            sy += w * point.dy;
+            sz += w * point.dz;
         }
-    });
+        store(sw, sums(kWeight) + row * kSide);
+        store(sn, sums(kCount) + row * kSide);
+        store(sd, sums(kDistance) + row * kSide);
+        store(sdd, sums(kDistanceSquare) + row * kSide);
+        store(sx, sums(kX) + row * kSide);
+        store(sy, sums(kY) + row * kSide);
+        store(sz, sums(kZ) + row * kSide);
+    }
 }
 
-inline __attribute__((always_inline)) void PlaneMean::add_planes(const NearPoints& points) {
-    const float scale = 1.0f / (radius_ * radius_);
-    const float *const mx = sums(kNormalX), *const my = sums(kNormalY), *const mz = sums(kNormalZ), *const all = sums(kAllAgree);
-    float *const sw = sums(kWeight), *const sn = sums(kCount), *const sd = sums(kDistance), *const sdd = sums(kDistanceSquare), *const sx = sums(kX), *const sy = sums(kY),
-                 *const sz = sums(kZ);
-    for_rows(points, [&](size_t p, size_t first, float dy, float dz, float square) {
-        const float x = points.x[p];
-        const Vec3f& n = points.normals[p];
-        const float nx = n.x(), ny = n.y(), nz = n.z(), beside = ny * dy + nz * dz;
-        for (int i = 0; i < kSide; ++i) {
-            const size_t at = first + size_t(i);
-            const float dx = float(i) - x;
-            const float agreement = std::max(0.0f, all[at] + mx[at] * nx + my[at] * ny + mz[at] * nz);
-            const float w = weight_of((dx * dx + square) * scale) * agreement * agreement;
-            const float d = nx * dx + beside;
-            sw[at] += w;
-            sn[at] += w > 0.0f ? 1.0f : 0.0f;
-            sd[at] += w * d;
-            sdd[at] += w * d * d;
-            sx[at] += w * dx;
-            sy[at] += w * dy;
-            sz[at] += w * dz;
-        }
-    });
-}
-
-STRATA_KERNEL_BASELINE void PlaneMean::normals_baseline(PlaneMean& mean, const NearPoints& points) { mean.add_normals(points); }
-STRATA_KERNEL_AVX2 void PlaneMean::normals_avx2(PlaneMean& mean, const NearPoints& points) { mean.add_normals(points); }
-STRATA_KERNEL_BASELINE void PlaneMean::planes_baseline(PlaneMean& mean, const NearPoints& points) { mean.add_planes(points); }
-STRATA_KERNEL_AVX2 void PlaneMean::planes_avx2(PlaneMean& mean, const NearPoints& points) { mean.add_planes(points); }
+STRATA_KERNEL_BASELINE void PlaneMean::normals_baseline(PlaneMean& mean) { mean.add_normals(); }
+STRATA_KERNEL_AVX2 void PlaneMean::normals_avx2(PlaneMean& mean) { mean.add_normals(); }
+STRATA_KERNEL_BASELINE void PlaneMean::planes_baseline(PlaneMean& mean) { mean.add_planes(); }
+STRATA_KERNEL_AVX2 void PlaneMean::planes_avx2(PlaneMean& mean) { mean.add_planes(); }
 
 bool PlaneMean::evaluate(const NearPoints& points, std::span<float, kFieldBrickSamples> values) {
     const float unknown = std::numeric_limits<float>::quiet_NaN();
@@ -99,9 +117,9 @@ bool PlaneMean::evaluate(const NearPoints& points, std::span<float, kFieldBrickS
         std::fill(values.begin(), values.end(), unknown);
         return false;
     }
-    std::fill(sums_.begin(), sums_.end(), 0.0f);
+    gather_rows(points);
     const bool wide = level_ != SimdLevel::baseline;
-    (wide ? normals_avx2 : normals_baseline)(*this, points);
+    (wide ? normals_avx2 : normals_baseline)(*this);
     float *const mx = sums(kNormalX), *const my = sums(kNormalY), *const mz = sums(kNormalZ), *const coherence = sums(kCoherence), *const all = sums(kAllAgree);
     for (int n = 0; n < kFieldBrickSamples; ++n) {
         const float length = std::sqrt(mx[n] * mx[n] + my[n] * my[n] + mz[n] * mz[n]);
@@ -112,7 +130,7 @@ bool PlaneMean::evaluate(const NearPoints& points, std::span<float, kFieldBrickS
         my[n] *= scale;
         mz[n] *= scale;
     }
-    (wide ? planes_avx2 : planes_baseline)(*this, points);
+    (wide ? planes_avx2 : planes_baseline)(*this);
     const float *const sw = sums(kWeight), *const sn = sums(kCount), *const sd = sums(kDistance), *const sdd = sums(kDistanceSquare), *const sx = sums(kX), *const sy = sums(kY),
                        *const sz = sums(kZ);
     const float most_beside = kMostBeside * radius_, most_spread = kMostSpread * radius_;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -24,18 +26,24 @@ private:
     enum { kNormalX, kNormalY, kNormalZ, kCoherence, kAllAgree, kWeight, kCount, kDistance, kDistanceSquare, kX, kY, kZ, kAll };
 
     float* sums(int which) { return sums_.data() + which * kFieldBrickSamples; }
-    template <typename Row>
-    void for_rows(const NearPoints& points, const Row& row) const;
-    void add_normals(const NearPoints& points);
-    void add_planes(const NearPoints& points);
-    static void normals_baseline(PlaneMean& mean, const NearPoints& points);
-    static void normals_avx2(PlaneMean& mean, const NearPoints& points);
-    static void planes_baseline(PlaneMean& mean, const NearPoints& points);
-    static void planes_avx2(PlaneMean& mean, const NearPoints& points);
+    void gather_rows(const NearPoints& points);
+    void add_normals();
+    void add_planes();
+    static void normals_baseline(PlaneMean& mean);
+    static void normals_avx2(PlaneMean& mean);
+    static void planes_baseline(PlaneMean& mean);
+    static void planes_avx2(PlaneMean& mean);
 
+    // A point that reaches a row of 8 samples: the square of its distance from the row's line, its offset along that line, its normal, and what the
+    // normal and the offset across it add to the distance to its plane.
+    struct RowPoint {
+        float square, x, nx, ny, nz, dy, dz, beside;
+    };
     float radius_;
     SimdLevel level_;
     std::vector<float> sums_;
+    std::vector<RowPoint> row_points_;  // row after row
+    std::array<uint32_t, kFieldBrickSide * kFieldBrickSide + 1> row_begins_;
 };
 
 }  // namespace strata

@@ -82,7 +82,7 @@ PointSurface::PointSurface(const PointSource& points, const Box3d& bounds, const
     : settings_(settings), grid_(grid_of(bounds, settings)), radius_(float(settings.radius / settings.spacing)), scratch_(settings.scratch) {
     PointForm& form = settings_.form;
     form.normals = true;
-    layers_ = std::make_unique<PointLayers>(grid_, form, settings.memory_bytes / 2, scratch_);
+    layers_ = std::make_unique<PointLayers>(grid_, form, settings.memory_bytes / 4, scratch_);
     layers_->distribute(points, settings.threads, settings.on_points);
     report_.outside = layers_->outside();
     const NormalCount& found = layers_->normals();
@@ -96,7 +96,7 @@ float PointSurface::background() const { return std::numeric_limits<float>::quie
 
 // Goes through the points once: of each cell of half a spacing one is left, with a normal.
 void PointSurface::find_normals(bool fit, bool turn) {
-    auto done = std::make_unique<PointLayers>(grid_, settings_.form, settings_.memory_bytes / 2, scratch_);
+    auto done = std::make_unique<PointLayers>(grid_, settings_.form, settings_.memory_bytes / 4, scratch_);
     NormalOrientation orientation;
     std::array<std::shared_ptr<PointLayer>, 3> near;
     const auto read = [&](size_t layer) {

@@ -22,8 +22,8 @@ struct PointSurfaceSettings {
     PointForm form;                  // what is kept of points for those who ask for it; normals are found out
     bool keep_points = false;        // in window()
     int threads = 1;
-    uint64_t memory_bytes = uint64_t{1} << 30;  // half of it for points, beyond which they go to the scratch store; as much for each of: the
-                                                // layers of points that are read, the cells by which normals are turned, the bricks of a layer
+    uint64_t memory_bytes = uint64_t{1} << 30;  // half of it for points, beyond which they go to the scratch store; at most all of it for
+                                                // each of: layers of points that are read, cells by which normals are turned, bricks of a layer
     ScratchStore* scratch = nullptr;            // nullptr: all stay in memory
     std::function<void(uint64_t points)> on_points;  // points read since the last call; from any thread
 };
