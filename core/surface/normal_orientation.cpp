@@ -17,6 +17,8 @@ constexpr uint32_t kNoEdge = ~uint32_t{0};
 constexpr uint64_t kEdgesACell = 5;  // of a surface
 // Of what looks up or down in a component, the share by which one must exceed the other to decide; else its top looks up. Walls have no say.
 constexpr double kPlainlyUp = 0.25;
+// What cells that touch have joined, and looks one way by that share, as the ground does and roofs do, looks up for good, if it is that large, in cells.
+constexpr double kGroundUp = 0.5, kGroundCells = 64.0;
 
 constexpr int kMostReach = 3;  // cells from one to another that it may take its side from, where none is nearer
 
@@ -141,38 +143,56 @@ void NormalOrientation::solve() {
     parents_.resize(count);
     for (uint32_t cell = 0; cell < count; ++cell) parents_[cell] = cell;
     ranks_.assign(count, 0);
-    for (int reach = 1; reach <= kMostReach; ++reach) join(reach);
-
-    // What looks up, of each component, at its root.
+    // What looks up, of each component; at its root.
     struct Up {
         double all = 0.0, either = 0.0, top = 0.0;
         uint64_t highest = 0;  // k
     };
-    std::vector<uint32_t> numbers(count);
-    std::vector<Up> ups;
-    turned_.assign(count, false);
-    for (uint32_t cell = 0; cell < count; ++cell)
-        if ((parents_[cell] & ~kTurned) == cell) {
-            numbers[cell] = uint32_t(ups.size());
-            ups.emplace_back();
+    const auto find_ups = [&] {
+        std::vector<Up> ups(count);
+        for (uint32_t cell = 0; cell < count; ++cell) {
+            bool turned = false;
+            Up& up = ups[root_of(cell, turned)];
+            const double z = double(normals_[cell].z());
+            up.all += turned ? -z : z;
+            up.either += std::abs(z);
+            up.highest = std::max(up.highest, keys_[cell] >> 40);
         }
-    components_ = ups.size();
+        return ups;
+    };
+    join(1);
+    components_ = 0;
+    {
+        // They agree without a vote, which across a gap few and scattered cells would have.
+        const std::vector<Up> ups = find_ups();
+        uint32_t first = count;
+        for (uint32_t part = 0; part < count; ++part) {
+            if (ups[part].either < kGroundCells || std::abs(ups[part].all) < kGroundUp * ups[part].either) continue;
+            if (first == count) {
+                first = part;
+                continue;
+            }
+            unite(first, part, (ups[first].all < 0.0) != (ups[part].all < 0.0));
+            ++components_;
+        }
+    }
+    for (int reach = 2; reach <= kMostReach; ++reach) join(reach);
+
+    std::vector<Up> ups = find_ups();
+    turned_.assign(count, false);
     for (uint32_t cell = 0; cell < count; ++cell) {
         bool turned = false;
-        Up& up = ups[numbers[root_of(cell, turned)]];
+        components_ += root_of(cell, turned) == cell;
         turned_[cell] = turned;
-        up.all += turned ? -double(normals_[cell].z()) : double(normals_[cell].z());
-        up.highest = std::max(up.highest, keys_[cell] >> 40);
-        up.either += std::abs(double(normals_[cell].z()));
     }
     for (uint32_t cell = 0; cell < count; ++cell) {
         bool turned = false;
-        Up& up = ups[numbers[root_of(cell, turned)]];
+        Up& up = ups[root_of(cell, turned)];
         if ((keys_[cell] >> 40) + 1 >= up.highest) up.top += turned ? -double(normals_[cell].z()) : double(normals_[cell].z());
     }
     for (uint32_t cell = 0; cell < count; ++cell) {
         bool turned = false;
-        const Up& up = ups[numbers[root_of(cell, turned)]];
+        const Up& up = ups[root_of(cell, turned)];
         const bool plainly = std::abs(up.all) > kPlainlyUp * up.either;
         if ((plainly ? up.all : up.top) < 0.0) turned_[cell] = !turned_[cell];
     }

@@ -112,6 +112,20 @@ TEST(NormalOrientation, WallsHaveNoSay) {
     EXPECT_EQ(cells.right(), cells.size());
 }
 
+// Two meadows, and between them nothing but scattered points that touch neither: both look up.
+TEST(NormalOrientation, GroundLooksUpWhateverLiesBetween) {
+    for (const uint64_t seed : {1u, 2u, 3u, 4u, 5u, 6u}) {
+        Random random(seed);
+        Cells cells;
+        for (const double x0 : {0.0, 30.0})
+            for (double x = 0.5; x < 20.0; ++x)
+                for (double y = 0.5; y < 20.0; ++y) cells.add({x0 + x, y, 20.5}, Vec3d::UnitZ());
+        const size_t ground = cells.size();
+        for (double x = 21.5; x < 29.0; x += 2.0) cells.add({x, 9.5, 20.0 + random.uniform(0.1, 0.9)}, random_direction(random));
+        EXPECT_GE(cells.right(), ground);
+    }
+}
+
 TEST(NormalOrientation, NothingIsNothing) {
     NormalOrientation orientation;
     orientation.add({});
