@@ -22,12 +22,13 @@ namespace {
 std::unique_ptr<VolumeSource> open_beside(const std::string& path, const SurfaceRequest& request) {
     if (std::filesystem::is_directory(path)) throw Error(ErrorKind::usage, "--attributes: " + path + ": a volume file is expected, it is a folder");
     if (request.raw) {  // samples alone, as those of the input, unless it says itself what it is
+        bool says_itself = false;
         try {
-            if (identify_format(path).kind == FormatKind::volume) return open_volume(path);
+            says_itself = identify_format(path).kind == FormatKind::volume;
         } catch (const Error& error) {
-            if (error.kind == ErrorKind::not_found || error.kind == ErrorKind::io) throw error.within("--attributes");
+            if (error.kind != ErrorKind::unsupported) throw error.within("--attributes");
         }
-        return open_raw_volume(open_file(path), *request.raw);
+        return says_itself ? open_volume(path) : open_raw_volume(open_file(path), *request.raw);
     }
     const Format& format = identify_format(path);
     if (format.kind != FormatKind::volume) throw Error(ErrorKind::usage, "--attributes: " + path + ": a volume file is expected, it is " + std::string(format.description));

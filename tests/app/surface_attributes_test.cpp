@@ -152,6 +152,20 @@ TEST_F(SurfaceAttributes, SamplesAloneHaveThemToo) {
     const TriangleMesh found = mesh("raw.ply");
     ASSERT_EQ(found.scalars.size(), 1u);
     for (size_t v = 0; v < found.positions.size(); ++v) EXPECT_NEAR(found.scalars[0].values[v], linear(found.positions[v] + Vec3d(100, 200, -7)), 1e-4);
+    // A file that says what it is counts as that, a damaged one too: as samples alone it would be long enough.
+    const std::vector<std::string> raw = {file("ball.raw"), "--iso", "0", "--dimensions", "8x8x8", "--type", "float", "--attributes"};
+    const auto with = [&](const std::string& attributes) {
+        std::vector<std::string> words = raw;
+        words.push_back(attributes);
+        return words;
+    };
+    const std::string whole = Volume{.value = linear}.file();
+    write_bytes(file("short.mha"), whole.substr(0, whole.size() - 4));
+    refuse(with(file("short.mha")), 1, "short.mha");
+    std::string unknown = whole;
+    unknown.replace(unknown.find("MET_FLOAT"), 9, "MET_OTHER");
+    write_bytes(file("unknown.mha"), unknown);
+    refuse(with(file("unknown.mha")), 1, "MET_OTHER");
 }
 
 TEST_F(SurfaceAttributes, WhatIsWrongIsSaidInALine) {
