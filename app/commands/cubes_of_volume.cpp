@@ -17,19 +17,24 @@ namespace {
 
 using nlohmann::ordered_json;
 
-/// A color for each label that no other has: that of categories, or where it is taken one near it.
+/// A color for each label that no other has: that of categories, or where it is taken one near it. VolumeBricks::kMostLabels leave most colors free.
 class LabelColors {
 public:
     VoxelColor operator()(int32_t label) {
         const Rgba8 color = category_color(uint64_t(int64_t{label}));
-        uint32_t material = material_of({red_of(color), green_of(color), blue_of(color)});
+        const uint32_t first = material_of({red_of(color), green_of(color), blue_of(color)});
+        uint32_t& material = next_.try_emplace(first, first).first->second;
         while (!taken_.insert(material).second) material = (material + 0x050301) & 0xFFFFFF;
         return {uint8_t(material >> 16), uint8_t(material >> 8), uint8_t(material)};
     }
 
 private:
     std::set<uint32_t> taken_;
+    std::map<uint32_t, uint32_t> next_;  // by a category's color: all before it on the way from there are taken, so that many labels do not walk it again
 };
+
+// Of a label: nodes of LabelColors and LabelsOfVertices, two copies of VolumeLabel and a row of the report.
+constexpr uint64_t kLabelBytes = 48 + 48 + 2 * sizeof(VolumeLabel) + 384;
 
 /// Gives vertices their label, which their color tells.
 class LabelsOfVertices : public SurfaceSink {
@@ -85,7 +90,7 @@ public:
     void extract(SurfaceSink& out, ProgressLine& progress) override {
         SlicesWithProgress slices(*volume_, progress);
         VolumeBricksSettings settings = {.inside = request_.inside.value_or(ContourInside::above), .memory_bytes = request_.memory_bytes / 2, .scratch = request_.scratch};
-        if (request_.labels) settings.color_of = LabelColors();
+        if (request_.labels) settings.color_of = LabelColors(), settings.label_bytes = kLabelBytes;
         else settings.isovalue = request_.isovalues[0];
         const auto bricks = [&] {
             try {

@@ -139,7 +139,9 @@ uint32_t VolumeBricks::label_number(float value, uint32_t i, uint32_t j, uint32_
     }
     const auto [found, is_new] = label_numbers_.try_emplace(int32_t(value), uint32_t(labels_.size()));
     if (is_new) {
-        hold(sizeof(VolumeLabel) + 48);  // and a node of the map
+        if (labels_.size() == kMostLabels)
+            throw Error(ErrorKind::limit, "sample (" + std::to_string(i) + ", " + std::to_string(j) + ", " + std::to_string(k) + "): one more label than the " + std::to_string(kMostLabels) + " that there may be");
+        hold(2 * sizeof(VolumeLabel) + 48 + settings_.label_bytes);  // half of the vector may be empty; a node of the map
         labels_.push_back({.value = int32_t(value), .color = settings_.color_of(int32_t(value))});
     }
     last_value_ = value;

@@ -18,6 +18,7 @@ struct VolumeBricksSettings {
     ContourInside inside = ContourInside::above;
     /// Samples are labels in place of that: each value that is not 0 is a material; called once for each, in the order in which they come.
     std::function<VoxelColor(int32_t label)> color_of;
+    uint64_t label_bytes = 0;  // that the caller keeps of each label, which count, too
     uint64_t memory_bytes = std::numeric_limits<uint64_t>::max();
     ScratchStore* scratch = nullptr;  // for bricks that do not fit; null: they must
 };
@@ -34,8 +35,10 @@ struct VolumeLabel {
 ///       beyond the 256th label; while it is made, as much for all bricks of a layer
 class VolumeBricks : public CubeBrickSource {
 public:
+    static constexpr uint64_t kMostLabels = uint64_t{1} << 20;  // but 0; far fewer than there are colors
+
     /// Reads all slices.
-    /// throws  what the source throws; Error{limit}: more memory than allowed
+    /// throws  what the source throws; Error{limit}: more memory than allowed, or more labels than kMostLabels
     ///         Error{malformed}: labels that are no whole numbers of less than 2^24, with the sample's place
     VolumeBricks(SliceSource& source, const VolumeBricksSettings& settings);
     ~VolumeBricks() override;

@@ -131,6 +131,17 @@ TEST_F(CubesOfVolumes, LabelsAreColorsAndValues) {
     EXPECT_EQ(none["notes"][0], "all labels are 0: the mesh is empty");
 }
 
+// Categories have 256 colors: forty times as many labels still have their own each, and more than there may be, or than fit, are refused.
+TEST_F(CubesOfVolumes, ManyLabelsHaveColorsOfTheirOwn) {
+    const auto number = [](int i, int j, int) { return int32_t(1 + i + 512 * j); };
+    const json report = surface({volume<int32_t>("many.nrrd", "int32", {512, 20, 1}, number), "-o", file("many.ply"), "--labels", "--quads"});
+    std::set<std::string> colors;
+    for (const json& label : report["labels"]) colors.insert(label["color"]);
+    EXPECT_EQ(colors.size(), 512u * 20u);
+    refuse({volume<int32_t>("more.nrrd", "int32", {512, 2049, 1}, number), "--labels"}, 1, "more.nrrd: sample (0, 2048, 0): one more label than the 1048576 that there may be");
+    refuse({volume<int32_t>("large.nrrd", "int32", {512, 512, 1}, number), "--labels", "--memory", "200M"}, 1, "large.nrrd: cells of the volume need ");
+}
+
 TEST_F(CubesOfVolumes, WhatIsWrongIsSaid) {
     const std::string in = ball();
     refuse({in, "--method", "cubes"}, 2, "--iso V is expected; the values of ");

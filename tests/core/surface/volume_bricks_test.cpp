@@ -166,6 +166,25 @@ TEST(VolumeBricks, ManyLabels) {
     }
 }
 
+// As many as may be, one more, and memory for those that the caller keeps something of.
+TEST(VolumeBricks, LabelsAreCounted) {
+    const auto number = [](int i, int j, int) { return 1.0 + i + 1024.0 * j; };
+    const auto black = [](int32_t) { return VoxelColor{}; };
+    test::FunctionSlices most({1024, 1024, 1}, number);
+    EXPECT_EQ(VolumeBricks(most, {.color_of = black}).labels().size(), VolumeBricks::kMostLabels);
+    test::FunctionSlices more({1024, 1025, 1}, number);
+    try {
+        VolumeBricks(more, {.color_of = black});
+        FAIL();
+    } catch (const Error& error) {
+        EXPECT_EQ(error.kind, ErrorKind::limit);
+        EXPECT_STREQ(error.what(), "sample (0, 1024, 0): one more label than the 1048576 that there may be");
+    }
+    test::FunctionSlices few({10, 10, 1}, number), again({10, 10, 1}, number);
+    EXPECT_EQ(VolumeBricks(few, {.color_of = black, .memory_bytes = 5'000'000}).labels().size(), 100u);
+    EXPECT_THROW(VolumeBricks(again, {.color_of = black, .label_bytes = 50'000, .memory_bytes = 5'000'000}), Error);
+}
+
 TEST(VolumeBricks, WhatIsNoLabelIsRefused) {
     const auto message = [](double value) {
         test::FunctionSlices source({4, 4, 4}, [&](int i, int j, int k) { return i == 1 && j == 2 && k == 3 ? value : 1.0; });
