@@ -2,6 +2,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <cassert>
 #include <utility>
 
 #include "core/error.h"
@@ -14,6 +15,9 @@ constexpr size_t kBlock = 4096;  // vertices a thread takes at a time
 
 // Places that are half a step beyond a grid but for rounding are still its own: there a closed surface ends.
 constexpr double kReach = 0.5 + 0x1p-10;
+
+// Steps by which rounding lets a vertex come after those of the next slice.
+constexpr double kLate = 0x1p-10;
 
 // Moves an index onto the grid; false: it is too far away.
 bool clamp_to(const std::array<uint32_t, 3>& size, Vec3d& index) {
@@ -109,6 +113,7 @@ void SlicesAtVertices::look_up(const Vec3d& origin, std::span<const Vec3f> posit
                     out[i] = std::numeric_limits<float>::quiet_NaN();
                     continue;
                 }
+                assert(index.z() >= least - kLate);  // its slices have not gone
                 index.z() = std::max(index.z(), least);
                 out[i] = trilinear_at(index, [&](int64_t x, int64_t y, int64_t z) { return held_[z == int64_t{slice_}][size_t(y) * size[0] + size_t(x)]; });
             }
