@@ -89,17 +89,10 @@ public:
 
     void extract(SurfaceSink& out, ProgressLine& progress) override {
         SlicesWithProgress slices(*volume_, progress);
-        VolumeBricksSettings settings = {.inside = request_.inside.value_or(ContourInside::above), .memory_bytes = request_.memory_bytes / 2, .scratch = request_.scratch};
+        VolumeBricksSettings settings = {.place = path_, .inside = request_.inside.value_or(ContourInside::above), .memory_bytes = request_.memory_bytes / 2, .scratch = request_.scratch};
         if (request_.labels) settings.color_of = LabelColors(), settings.label_bytes = kLabelBytes;
         else settings.isovalue = request_.isovalues[0];
-        const auto bricks = [&] {
-            try {
-                return VolumeBricks(slices, settings);
-            } catch (const Error& error) {
-                if (error.kind != ErrorKind::malformed || std::string_view(error.what()).starts_with(path_)) throw;
-                throw error.within(path_);
-            }
-        }();
+        const VolumeBricks bricks(slices, settings);
         labels_ = bricks.labels();
         LabelsOfVertices labeled(bricks, out);
         counts_ = mesh_cubes(bricks,

@@ -5,9 +5,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <string>
-
-#include "core/error.h"
 
 namespace strata {
 namespace {
@@ -65,15 +62,14 @@ VolumeBricks::~VolumeBricks() = default;
 
 VolumeBricks::VolumeBricks(SliceSource& source, const VolumeBricksSettings& settings) : settings_(settings), placement_(source.placement()), size_(source.size()) {
     placement_.origin = placement_.world_from_index(Vec3d::Constant(-0.5));
-    uint64_t bricks = 1;
-    for (size_t axis = 0; axis < 3; ++axis) {
-        bricks_an_axis_[axis] = uint32_t((uint64_t{size_[axis]} + kSide - 1) / kSide);
-        bricks *= bricks_an_axis_[axis];  // below 2^78 / 2^18: no more than 2^63 samples
-    }
+    for (size_t axis = 0; axis < 3; ++axis) bricks_an_axis_[axis] = uint32_t((uint64_t{size_[axis]} + kSide - 1) / kSide);
     const uint64_t slice = uint64_t{size_[0]} * size_[1], layer_bricks = uint64_t{bricks_an_axis_[0]} * bricks_an_axis_[1];
     if (slice == 0 || size_[2] == 0) return;
-    constexpr uint64_t kMost = uint64_t{1} << 40;
-    if (slice > kMost || bricks > kMost) hold(std::numeric_limits<uint64_t>::max() / 2);
+    constexpr uint64_t kMostInSlice = uint64_t{1} << 40, kMostBricks = 0xFFFFFFFF;
+    if (slice > kMostInSlice || layer_bricks > kMostBricks / bricks_an_axis_[2])
+        fail(ErrorKind::limit, std::to_string(size_[0]) + " x " + std::to_string(size_[1]) + " x " + std::to_string(size_[2]) +
+                                   " samples: cubes are made of at most 2^40 a slice, and of 2^32 - 1 bricks of 64^3");
+    const uint64_t bricks = layer_bricks * bricks_an_axis_[2];
     hold(bricks * sizeof(uint32_t) + slice * sizeof(float) + layer_bricks * (kColumns * sizeof(uint64_t) + (settings.color_of ? kCells * sizeof(uint32_t) : 0)));
     index_.resize(size_t(bricks));
     std::vector<float> values(static_cast<size_t>(slice));
@@ -92,7 +88,12 @@ VolumeBricks::VolumeBricks(SliceSource& source, const VolumeBricksSettings& sett
 void VolumeBricks::hold(uint64_t bytes) {
     held_bytes_ += bytes;
     if (held_bytes_ > settings_.memory_bytes)
-        throw Error(ErrorKind::limit, "cells of the volume need " + std::to_string(held_bytes_) + " bytes of memory or more, " + std::to_string(settings_.memory_bytes) + " are allowed");
+        fail(ErrorKind::limit, "cells of the volume need " + std::to_string(held_bytes_) + " bytes of memory or more, " + std::to_string(settings_.memory_bytes) + " are allowed; a coarser volume needs less");
+}
+
+void VolumeBricks::fail(ErrorKind kind, const std::string& message) const {
+    const Error error(kind, message);
+    throw settings_.place.empty() ? error : error.within(settings_.place);
 }
 
 void VolumeBricks::read_slice(std::span<const float> values, uint32_t k, Layer& layer) {
@@ -135,12 +136,12 @@ uint32_t VolumeBricks::label_number(float value, uint32_t i, uint32_t j, uint32_
     if (!(std::abs(value) < 0x1p24f) || value != std::floor(value)) {
         char number[32];
         std::snprintf(number, sizeof number, "%.9g", double(value));
-        throw Error(ErrorKind::malformed, "sample (" + std::to_string(i) + ", " + std::to_string(j) + ", " + std::to_string(k) + "): a label is expected, a whole number of less than 2^24, it is " + number);
+        fail(ErrorKind::malformed, "sample (" + std::to_string(i) + ", " + std::to_string(j) + ", " + std::to_string(k) + "): a label is expected, a whole number of less than 2^24, it is " + number);
     }
     const auto [found, is_new] = label_numbers_.try_emplace(int32_t(value), uint32_t(labels_.size()));
     if (is_new) {
         if (labels_.size() == kMostLabels)
-            throw Error(ErrorKind::limit, "sample (" + std::to_string(i) + ", " + std::to_string(j) + ", " + std::to_string(k) + "): one more label than the " + std::to_string(kMostLabels) + " that there may be");
+            fail(ErrorKind::limit, "sample (" + std::to_string(i) + ", " + std::to_string(j) + ", " + std::to_string(k) + "): one more label than the " + std::to_string(kMostLabels) + " that there may be");
         hold(2 * sizeof(VolumeLabel) + 48 + settings_.label_bytes);  // half of the vector may be empty; a node of the map
         labels_.push_back({.value = int32_t(value), .color = settings_.color_of(int32_t(value))});
     }

@@ -5,8 +5,10 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
+#include "core/error.h"
 #include "core/octree/scratch_store.h"
 #include "core/surface/contour.h"
 #include "core/surface/cube_brick_source.h"
@@ -14,6 +16,7 @@
 namespace strata {
 
 struct VolumeBricksSettings {
+    std::string place = {};  // of the volume, for messages: "labels.nrrd"
     double isovalue = 0.0;  // samples on the inside of it are cells
     ContourInside inside = ContourInside::above;
     /// Samples are labels in place of that: each value that is not 0 is a material; called once for each, in the order in which they come.
@@ -38,7 +41,8 @@ public:
     static constexpr uint64_t kMostLabels = uint64_t{1} << 20;  // but 0; far fewer than there are colors
 
     /// Reads all slices.
-    /// throws  what the source throws; Error{limit}: more memory than allowed, or more labels than kMostLabels
+    /// throws  what the source throws; Error{limit}: more memory than allowed, more labels than kMostLabels,
+    ///         slices of more than 2^40 samples or more than 2^32 - 1 bricks
     ///         Error{malformed}: labels that are no whole numbers of less than 2^24, with the sample's place
     VolumeBricks(SliceSource& source, const VolumeBricksSettings& settings);
     ~VolumeBricks() override;
@@ -65,6 +69,7 @@ private:
     void finish_layer(Layer& layer, uint32_t place);
     void keep(Brick& brick, std::span<const uint64_t> bits, std::span<const uint32_t> numbers);
     void hold(uint64_t bytes);
+    [[noreturn]] void fail(ErrorKind kind, const std::string& message) const;
     Data load(size_t brick) const;
 
     VolumeBricksSettings settings_;

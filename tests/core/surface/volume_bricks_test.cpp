@@ -203,6 +203,20 @@ TEST(VolumeBricks, WhatIsNoLabelIsRefused) {
     EXPECT_EQ(message(kUnknown), "");
     test::FunctionSlices source({64, 64, 64}, ball);
     EXPECT_THROW(VolumeBricks(source, {.isovalue = 0.5, .memory_bytes = 40'000}), Error);
+    // Nothing is read, or set aside, for more than can be numbered; and messages say of which volume they are.
+    const auto limit = [](std::array<uint32_t, 3> size, const VolumeBricksSettings& settings) {
+        test::FunctionSlices slices(size, ball);
+        try {
+            VolumeBricks(slices, settings);
+        } catch (const Error& error) {
+            EXPECT_EQ(error.kind, ErrorKind::limit);
+            return std::string(error.what());
+        }
+        return std::string();
+    };
+    EXPECT_EQ(limit({4'000'000'000, 4'000'000'000, 4'000'000'000}, {}), "4000000000 x 4000000000 x 4000000000 samples: cubes are made of at most 2^40 a slice, and of 2^32 - 1 bricks of 64^3");
+    EXPECT_EQ(limit({1 << 20, 1 << 20, 1 << 10}, {.place = "a.nrrd"}), "a.nrrd: 1048576 x 1048576 x 1024 samples: cubes are made of at most 2^40 a slice, and of 2^32 - 1 bricks of 64^3");
+    EXPECT_EQ(limit({64, 64, 64}, {.place = "a.nrrd", .isovalue = 0.5, .memory_bytes = 40'000}), "a.nrrd: cells of the volume need 49156 bytes of memory or more, 40000 are allowed; a coarser volume needs less");
     test::FunctionSlices none({64, 64, 64}, [](int, int, int) { return 0.0; });
     const Cubes empty = cubes_of(none, {.isovalue = 0.5});
     EXPECT_EQ(empty.counts.solid_voxels, 0u);
