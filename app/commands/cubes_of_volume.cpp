@@ -101,7 +101,7 @@ public:
                               .colors = request_.labels,
                               .transparent = request_.transparent,
                               .threads = request_.threads,
-                              .memory_bytes = request_.memory_bytes / 2},
+                              .memory_bytes = request_.memory_bytes},
                              request_.labels ? static_cast<SurfaceSink&>(labeled) : out);
         nan_samples_ = bricks.nan_samples();
         if (nan_samples_ > 0) notes.push_back(std::to_string(nan_samples_) + " samples are not a number, and no cubes");

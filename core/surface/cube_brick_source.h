@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
 #include "core/surface/cube_faces.h"
@@ -31,6 +32,9 @@ public:
     virtual bool has_colors() const = 0;
     virtual uint64_t cells() const = 0;  // occupied ones
     virtual size_t size() const = 0;     // bricks
+    virtual uint64_t memory_bytes() const = 0;  // that it holds for them
+    /// What would need less memory, for the end of a message: "coarser cells need less".
+    virtual std::string_view advice() const = 0;
     /// Coordinates in units of bricks.
     virtual std::array<uint32_t, 3> place(size_t brick) const = 0;
     /// The brick there, or kNone.

@@ -26,7 +26,6 @@ namespace {
 
 constexpr size_t kPartsInView = 4096;  // whose depths decide how near voxels are seen
 constexpr size_t kBricksAThread = 4;  // that may wait for their turn
-constexpr uint64_t kTreeBrickBytes = 20;  // of TreeBricks
 
 template <class T>
 uint64_t bytes_of(const std::vector<T>& list) {
@@ -72,7 +71,7 @@ public:
     CubeSurfaceCounts run() {
         counts_.solid_voxels = bricks_.cells();
         counts_.faces_uncut = 6 * counts_.solid_voxels;
-        hold(bricks_.size() * (kTreeBrickBytes + (closed() ? sizeof corners_[0] + sizeof shared_[0] : 0)));
+        hold(bricks_.memory_bytes() + (closed() ? bricks_.size() * (sizeof corners_[0] + sizeof shared_[0]) : 0));
         if (closed()) find_corners();
         put_all();
         return counts_;
@@ -84,7 +83,7 @@ private:
     void hold(uint64_t bytes) {
         const uint64_t held = held_bytes_.fetch_add(bytes) + bytes;
         if (held > settings_.memory_bytes)
-            throw Error(ErrorKind::limit, "faces of cubes need " + std::to_string(held * settings_.memory_parts) + " bytes of memory or more, " + std::to_string(settings_.memory_bytes * settings_.memory_parts) + " are allowed; coarser cells need less");
+            throw Error(ErrorKind::limit, "faces of cubes need " + std::to_string(held * settings_.memory_parts) + " bytes of memory or more, " + std::to_string(settings_.memory_bytes * settings_.memory_parts) + " are allowed; " + std::string(bricks_.advice()));
     }
     template <class T>
     void let_go(std::vector<T>& list) {

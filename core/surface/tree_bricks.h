@@ -22,6 +22,8 @@ public:
     bool has_colors() const override;
     uint64_t cells() const override;
     size_t size() const override { return codes_.size(); }
+    uint64_t memory_bytes() const override { return codes_.size() * (sizeof(uint64_t) + sizeof(Part)); }
+    std::string_view advice() const override { return "coarser cells need less"; }
     std::array<uint32_t, 3> place(size_t brick) const override { return coordinates_of_code(codes_[brick]); }
     size_t find(const std::array<int64_t, 3>& place) const override;
     bool gather(size_t brick, const CubeMaterials& materials, CubeBrick& out) const override;

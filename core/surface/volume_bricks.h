@@ -54,6 +54,8 @@ public:
     bool has_colors() const override { return bool(settings_.color_of); }
     uint64_t cells() const override { return cells_; }
     size_t size() const override;
+    uint64_t memory_bytes() const override { return held_bytes_; }
+    std::string_view advice() const override { return "a coarser volume needs less"; }
     std::array<uint32_t, 3> place(size_t brick) const override;
     size_t find(const std::array<int64_t, 3>& place) const override;
     bool gather(size_t brick, const CubeMaterials& materials, CubeBrick& out) const override;

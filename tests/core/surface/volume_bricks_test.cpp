@@ -217,6 +217,17 @@ TEST(VolumeBricks, WhatIsNoLabelIsRefused) {
     EXPECT_EQ(limit({4'000'000'000, 4'000'000'000, 4'000'000'000}, {}), "4000000000 x 4000000000 x 4000000000 samples: cubes are made of at most 2^40 a slice, and of 2^32 - 1 bricks of 64^3");
     EXPECT_EQ(limit({1 << 20, 1 << 20, 1 << 10}, {.place = "a.nrrd"}), "a.nrrd: 1048576 x 1048576 x 1024 samples: cubes are made of at most 2^40 a slice, and of 2^32 - 1 bricks of 64^3");
     EXPECT_EQ(limit({64, 64, 64}, {.place = "a.nrrd", .isovalue = 0.5, .memory_bytes = 40'000}), "a.nrrd: cells of the volume need 49156 bytes of memory or more, 40000 are allowed; a coarser volume needs less");
+    // What bricks hold counts where their faces are made.
+    test::FunctionSlices one_ball({64, 64, 64}, ball);
+    const VolumeBricks bricks(one_ball, {.isovalue = 0.5});
+    EXPECT_GT(bricks.memory_bytes(), 4096u * 8);
+    SurfaceInMemory surface;
+    try {
+        mesh_cubes(bricks, {.memory_bytes = bricks.memory_bytes()}, surface);
+        FAIL();
+    } catch (const Error& error) {
+        EXPECT_EQ(error.what(), "faces of cubes need " + std::to_string(bricks.memory_bytes() + 48) + " bytes of memory or more, " + std::to_string(bricks.memory_bytes()) + " are allowed; a coarser volume needs less");
+    }
     test::FunctionSlices none({64, 64, 64}, [](int, int, int) { return 0.0; });
     const Cubes empty = cubes_of(none, {.isovalue = 0.5});
     EXPECT_EQ(empty.counts.solid_voxels, 0u);
