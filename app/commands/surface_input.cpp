@@ -11,8 +11,11 @@ namespace strata {
 namespace {
 
 // What has no attributes to give.
-void refuse_attributes(const SurfaceRequest& request, const std::string& path) {
-    if (!request.attributes.empty()) throw Error(ErrorKind::usage, path + ": --attributes is not for such an input");
+void refuse_attributes(const SurfaceRequest& request, const std::string& path, FormatKind kind) {
+    if (request.attributes.empty() || kind == FormatKind::points || kind == FormatKind::layered || kind == FormatKind::volume) return;
+    if (kind == FormatKind::grids && request.method == SurfaceMethod::cubes) throw Error(ErrorKind::usage, "--attributes is not for cubes");
+    if (kind == FormatKind::grids) return;
+    throw Error(ErrorKind::usage, "--attributes is for points, volumes and .vdb grids; " + path + " is " + (kind == FormatKind::mesh ? "a mesh" : "a file of voxels"));
 }
 
 void refuse_viewpoint(const SurfaceRequest& request) {
@@ -53,8 +56,7 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         if (request.method == SurfaceMethod::smooth && kind != FormatKind::points && kind != FormatKind::layered) throw Error(ErrorKind::usage, word + ": --method smooth is for points");
         const char* const without_points = kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : kind == FormatKind::volume || kind == FormatKind::grids ? "values on a grid" : nullptr;
         if (request.radius && without_points != nullptr) throw Error(ErrorKind::usage, word + ": --radius is not for " + without_points + "; it is for points");
-        const bool has_attributes = kind == FormatKind::points || kind == FormatKind::layered || kind == FormatKind::volume || (kind == FormatKind::grids && !cubes);
-        if (!has_attributes) refuse_attributes(request, word);
+        refuse_attributes(request, word, kind);
         if (kind != FormatKind::points && kind != FormatKind::layered) refuse_viewpoint(request);
         if (kind == FormatKind::volume) return cubes ? cubes_of_volume(word, request) : surface_of_volume(word, request);
         if (request.labels) throw Error(ErrorKind::usage, word + ": --labels is for volumes");
@@ -72,7 +74,7 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         if (request.radius) return surface_of_balls(words, request);
     }
     refuse_viewpoint(request);
-    refuse_attributes(request, path);
+    if (!request.attributes.empty()) throw Error(ErrorKind::usage, "--attributes is for surfaces of points without --method, or with --method smooth; here voxels are made of " + path);
     if (!request.method) throw Error(ErrorKind::usage, path + ": of meshes --method cubes or marching-cubes with --voxel-size makes a surface");
     return surface_by_voxels(words, kind == FormatKind::grids, *request.method, request);
 }

@@ -244,7 +244,7 @@ TEST_F(SurfaceAttributes, GridsOfTheSameFile) {
     }
     refuse({file("grids.vdb"), "--attributes", "cold"}, 2, "no grid cold, there are surface (float), heat (float)");
     refuse({file("grids.vdb"), "--grid", "flow", "--iso", "1"}, 1, "values of float, double, bool or mask are expected");
-    refuse({file("grids.vdb"), "--method", "cubes", "--attributes", "heat"}, 2, "--attributes is not for");
+    refuse({file("grids.vdb"), "--method", "cubes", "--attributes", "heat"}, 2, "--attributes is not for cubes");
     // A cut of the file anywhere in its last grid is found.
     const std::string whole = vdb.bytes();
     for (const size_t size : {whole.size() - 1, whole.size() - 300'000}) {
@@ -260,6 +260,7 @@ TEST_F(SurfaceAttributes, ColorsOfVoxels) {
     ply += "4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n4 0 4 6 2\n4 1 3 7 5\n";
     write_bytes(file("cube.ply"), ply);
     ASSERT_EQ(run_strata({"voxelize", file("cube.ply"), "-o", file("cube.svo"), "--resolution", "32"}).exit_code, 0);
+    refuse({file("cube.svo"), "--attributes", "color"}, 2, "--attributes is for points, volumes and .vdb grids; " + file("cube.svo") + " is a file of voxels");
     surface({file("cube.svo"), "-o", file("smooth.ply"), "--method", "marching-cubes"});
     const TriangleMesh found = mesh("smooth.ply");
     ASSERT_EQ(found.colors.size(), found.positions.size());

@@ -147,6 +147,7 @@ TEST_F(SurfaceOfPoints, SaysWhatCannotBe) {
     refuse({in, "--quads"}, "--quads is for --method cubes");
     refuse({in, "--close"}, "--close is for volumes");
     refuse({in, "--attributes", "height"}, "height");
+    refuse({in, "--method", "cubes", "--voxel-size", "1", "--attributes", "intensity"}, "--attributes is for surfaces of points without --method, or with --method smooth; here voxels are made of " + in);
     refuse({in, "--viewpoint", "1,2"}, "--viewpoint");
     refuse({in, "--radius", "1", "--viewpoint", "1,2,3"}, "--viewpoint is for points and --method smooth");
     refuse({in, "--method", "smooth", "--memory", "1M"}, "memory", 1);

@@ -367,7 +367,7 @@ TEST_F(Surface, AWrongCommandLineIsExitCode2) {
         {{in, "-o", out, "--iso", "0", "--attributes", "a,,b"}, "--attributes: expected names"},
         {{in, "-o", out, "--iso", "0", "--attributes", "a,b,a"}, "--attributes: 'a' is there twice"},
         {{in, "-o", out, "--iso", "0", "--attributes", "a,b,c,d,e,f,g,h,i,j,k,l,m,n,o,p,q"}, "--attributes: expected at most 16 names, got 17"},
-        {{file("cube.obj"), "-o", out, "--method", "cubes", "--voxel-size", "1", "--attributes", "a"}, "--attributes is not for"},
+        {{file("cube.obj"), "-o", out, "--method", "cubes", "--voxel-size", "1", "--attributes", "a"}, "cube.obj is a mesh"},
         {{in, in, "-o", out, "--iso", "0"}, "one volume, grid, mesh or voxel file at a time"},
     };
     for (const auto& [words, said] : rows) {
