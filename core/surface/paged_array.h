@@ -10,22 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/octree/scratch_store.h"
+#include "core/octree/scratch_room.h"
 
 namespace strata {
-
-/// Hands out ranges of a scratch store that several share.
-class ScratchRoom {
-public:
-    explicit ScratchRoom(ScratchStore& store) : store_(store) {}
-    ScratchStore& store() { return store_; }
-    /// The offset of so many bytes.
-    uint64_t take(uint64_t bytes) { return std::exchange(next_, next_ + bytes); }
-
-private:
-    ScratchStore& store_;
-    uint64_t next_ = 0;
-};
 
 /// An array that grows at its end, in pages of which only some are in memory. Of one page after another it costs as much as an array.
 template <typename T, size_t kPage>
