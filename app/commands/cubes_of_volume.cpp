@@ -81,7 +81,7 @@ public:
     }
 
     SurfaceMethod method() const override { return SurfaceMethod::cubes; }
-    Box3d bounds() const override { return box_around(*volume_, 0.5); }
+    Box3d bounds() const override { return volume_->header().box_around(0.5); }
     double edge() const override { return volume_->placement().axes.colwise().norm().minCoeff(); }
     bool has_normals() const override { return request_.normals; }
     bool has_colors() const override { return request_.labels; }

@@ -10,17 +10,6 @@ namespace {
 
 using nlohmann::ordered_json;
 
-// Of the places of samples.
-Box3d bounds_of(const VolumeHeader& header) {
-    Box3d box;
-    for (int corner = 0; corner < 8; ++corner) {
-        Vec3d index;
-        for (int axis = 0; axis < 3; ++axis) index[axis] = corner >> axis & 1 ? header.size[size_t(axis)] - 1.0 : 0.0;
-        box.extend(header.placement.world_from_index(index));
-    }
-    return box;
-}
-
 std::string encoding_text(const VolumeHeader& header) {
     if (header.encoding == VolumeEncoding::text) return "text";
     const std::string order = size_of(header.type) == 1 ? "" : header.is_big_endian ? ", big-endian" : ", little-endian";
@@ -48,7 +37,7 @@ ordered_json volume_report(const std::string& path, const Format& format) {
                            {"directions", directions},
                            {"encoding", encoding_text(header)},
                            {"data_file", header.data_file.empty() ? ordered_json() : ordered_json(header.data_file)},
-                           {"bounds", box_json(bounds_of(header))},
+                           {"bounds", box_json(header.box_around())},
                            {"range", {{"min", least}, {"max", greatest}}},
                            {"nan_samples", range.nan},
                            {"attributes", ordered_json::array({{{"name", "value"}, {"type", name_of(header.type)}, {"components", 1}, {"min", least}, {"max", greatest}}})}};

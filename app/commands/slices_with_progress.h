@@ -1,7 +1,6 @@
 #pragma once
 
 #include "app/progress.h"
-#include "core/math/box.h"
 #include "core/surface/scalar_field.h"
 
 namespace strata {
@@ -22,17 +21,5 @@ private:
     ProgressLine& progress_;
     uint64_t done_ = 0;
 };
-
-/// The box of the cells around a volume's samples, of which some may be left out; world.
-/// beyond  samples that it reaches beyond the outermost ones
-inline Box3d box_around(const SliceSource& volume, double beyond) {
-    Box3d box;
-    for (int corner = 0; corner < 8; ++corner) {
-        Vec3d index;
-        for (int axis = 0; axis < 3; ++axis) index[axis] = corner >> axis & 1 ? volume.size()[size_t(axis)] - 1.0 + beyond : -beyond;
-        box.extend(volume.placement().world_from_index(index));
-    }
-    return box;
-}
 
 }  // namespace strata

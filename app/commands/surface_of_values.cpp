@@ -27,7 +27,7 @@ public:
         notes.insert(notes.end(), attributes_.notes().begin(), attributes_.notes().end());
     }
 
-    Box3d bounds() const override { return box_around(*volume_, 1.0); }
+    Box3d bounds() const override { return volume_->header().box_around(1.0); }
     double edge() const override { return volume_->placement().axes.colwise().norm().minCoeff(); }
 
     void extract(SurfaceSink& out, ProgressLine& progress) override {

@@ -35,6 +35,16 @@ std::optional<SampleType> sample_type_named(std::string_view name) {
     return std::nullopt;
 }
 
+Box3d VolumeHeader::box_around(double beyond) const {
+    Box3d box;
+    for (int corner = 0; corner < 8; ++corner) {
+        Vec3d index;
+        for (int axis = 0; axis < 3; ++axis) index[axis] = corner >> axis & 1 ? double(size[size_t(axis)]) - 1.0 + beyond : -beyond;
+        box.extend(placement.world_from_index(index));
+    }
+    return box;
+}
+
 void set_size(VolumeHeader& header, const std::array<uint64_t, 3>& size, const std::string& place) {
     uint64_t bytes = size_of(header.type);
     for (size_t axis = 0; axis < 3; ++axis) {

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/math/box.h"
 #include "core/surface/scalar_field.h"
 #include "io/byte_stream.h"
 
@@ -50,6 +51,8 @@ struct VolumeHeader {
 
     uint64_t samples() const { return uint64_t{size[0]} * size[1] * size[2]; }
     uint64_t sample_bytes() const { return samples() * size_of(type); }
+    /// World: of the places of samples, and of what is `beyond` steps farther out.
+    Box3d box_around(double beyond = 0.0) const;
 };
 
 // One format each. The stream is at the file's first byte.
