@@ -9,6 +9,7 @@
 
 #include "app/quantity_text.h"
 #include "core/error.h"
+#include "core/surface/grid_at_vertices.h"
 #include "io/format.h"
 #include "io/scratch_file.h"
 #include "io/vdb/vdb_at_vertices.h"

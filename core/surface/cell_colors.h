@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/surface/vertex_values.h"
+#include "core/surface/grid_at_vertices.h"
 #include "core/voxel/voxel_tree.h"
 
 namespace strata {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "core/surface/vertex_values.h"
+#include "core/surface/grid_at_vertices.h"
 #include "io/vdb/vdb_field.h"
 
 namespace strata {

@@ -18,6 +18,8 @@ public:
         for (const Vec3f& p : piece.positions) positions.push_back(piece.origin + p.cast<double>());
         normals.insert(normals.end(), piece.normals.begin(), piece.normals.end());
         colors.insert(colors.end(), piece.colors.begin(), piece.colors.end());
+        scalars.resize(piece.scalars.size());
+        for (size_t s = 0; s < scalars.size(); ++s) scalars[s].insert(scalars[s].end(), piece.scalars[s].values.begin(), piece.scalars[s].values.end());
         triangles.insert(triangles.end(), piece.triangles.begin(), piece.triangles.end());
         quads.insert(quads.end(), piece.quads.begin(), piece.quads.end());
         for (const auto& triangle : piece.triangles) check(triangle);
@@ -38,6 +40,7 @@ public:
     std::vector<Vec3d> positions;
     std::vector<Vec3f> normals;
     std::vector<std::array<uint8_t, 4>> colors;
+    std::vector<std::vector<float>> scalars;  // an attribute each
     std::vector<std::array<uint32_t, 3>> triangles;
     std::vector<std::array<uint32_t, 4>> quads;
     size_t pieces = 0;
