@@ -113,23 +113,21 @@ private:
 };
 
 constexpr int kUnused = -1;
-constexpr int kNormal = 3, kColor = 6, kWanted = 10;  // places of x y z, nx ny nz, red green blue alpha among what a vertex has; then scalars
+constexpr int kNormal = 3, kColor = 6, kWanted = kDiffuse;  // places of x y z, nx ny nz, red green blue alpha among what a vertex has; then scalars
 constexpr size_t kMostScalars = 32;
 
 int place_of(const std::string& name) {
-    constexpr std::array<std::string_view, kWanted> kNames = {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "alpha"};
-    constexpr std::array<std::string_view, 4> kDiffuse = {"diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"};
-    if (const auto found = std::find(kNames.begin(), kNames.end(), name); found != kNames.end()) return int(found - kNames.begin());
-    if (const auto found = std::find(kDiffuse.begin(), kDiffuse.end(), name); found != kDiffuse.end()) return kColor + int(found - kDiffuse.begin());
-    return kUnused;
+    const int meaning = meaning_of(name);
+    if (meaning < kDiffuse) return meaning;
+    return meaning < kTexture ? kColor + meaning - kDiffuse : kUnused;
 }
 
-bool is_texture_coordinate(const std::string& name) {
-    constexpr std::array<std::string_view, 6> kNames = {"u", "v", "s", "t", "texture_u", "texture_v"};
-    return std::find(kNames.begin(), kNames.end(), name) != kNames.end();
-}
+bool is_texture_coordinate(const std::string& name) { return meaning_of(name) >= kTexture && meaning_of(name) < kCornerList; }
 
-bool is_corner_list(const Property& property) { return property.is_list && (property.name == "vertex_indices" || property.name == "vertex_index"); }
+bool is_corner_list(const Property& property) {
+    const int meaning = meaning_of(property.name);
+    return property.is_list && meaning >= kCornerList && meaning < int(kNamesWithMeaning.size());
+}
 
 // A part of a color in its type's range as a byte; text may say anything, and is clamped.
 uint8_t color_byte(double part, Scalar type) {

@@ -1,11 +1,11 @@
 // PLY, binary little-endian. Faces wait in a scratch file until all vertices are written, and the header, whose size is fixed, comes last.
 #include <array>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "core/error.h"
 #include "io/mesh/gathered_bytes.h"
+#include "io/mesh/ply_header.h"
 #include "io/mesh/surface_writer.h"
 #include "io/scratch_file.h"
 
@@ -13,8 +13,6 @@ namespace strata {
 namespace {
 
 constexpr size_t kHeader = 512, kHeaderScalar = 100;  // the longest is shorter; of each attribute likewise
-constexpr std::array<std::string_view, 22> kTaken = {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "alpha", "u", "v", "s", "t", "texture_u", "texture_v",
-                                                     "diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha", "vertex_indices", "vertex_index"};
 
 class PlyWriter : public SurfaceWriter {
 public:
@@ -26,7 +24,7 @@ public:
           normals_(settings.normals),
           colors_(settings.colors),
           doubles_(float_error(settings.bounds) > settings.edge / 1000.0),
-          scalars_(plain_names(settings.scalars, kTaken)),
+          scalars_(plain_names(settings.scalars, ply::kNamesWithMeaning)),
           header_bytes_(kHeader + kHeaderScalar * scalars_.size()) {
         vertices_.text(std::string(header_bytes_, ' '));
     }

@@ -22,6 +22,7 @@
 #include "core/error.h"
 #include "core/surface/surface_report.h"
 #include "io/mesh/mesh_reader.h"
+#include "io/mesh/ply_header.h"
 #include "tests/support/scan_files.h"
 #include "tests/support/temporary_folder.h"
 
@@ -248,6 +249,20 @@ TEST(SurfaceNames, EndingsInAnyCaseTellTheFormat) {
     for (const char* const name : {"a.ply", "b.OBJ", "c.Stl", "d.e.glb"}) EXPECT_TRUE(is_surface_name(name)) << name;
     for (const char* const name : {"a", "ply", "a.gltf", ".glb"}) EXPECT_FALSE(is_surface_name(name)) << name;
     EXPECT_THROW(make_surface_writer("a.dae", {}), Error);
+}
+
+// Attributes that are called as what the reader knows come back as attributes.
+TEST(PlyWriter, NoAttributeIsReadAsSomethingElse) {
+    const TemporaryFolder folder;
+    const Tube tube;
+    const std::vector<std::string> names(ply::kNamesWithMeaning.begin(), ply::kNamesWithMeaning.end());
+    write_scalars(folder.file("out.ply"), tube, names, false);
+    const TriangleMesh mesh = read_mesh(folder.file("out.ply"), {.scalars = true});
+    ASSERT_EQ(mesh.scalars.size(), names.size());
+    for (size_t s = 0; s < names.size(); ++s) {
+        EXPECT_EQ(mesh.scalars[s].name, names[s] + "_2");
+        EXPECT_EQ(mesh.scalars[s].values[7], 7.0f + 0.25f * float(s));
+    }
 }
 
 // The numbers that a float cannot hold take doubles, others do not.
