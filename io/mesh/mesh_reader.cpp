@@ -12,8 +12,8 @@ TriangleMesh read_mesh(const std::string& path, const MeshReadSettings& settings
     MeshReport own;
     MeshReport& said = report ? *report : own;
     const std::unique_ptr<ByteSource> source = open_file(path);
-    const auto read = format.name == "obj" ? read_obj : format.name == "stl" ? read_stl : settings.scalars ? read_ply_with_scalars : read_ply;
-    TriangleMesh mesh = read(*source, settings.most_bytes, said);
+    const auto read = format.name == "obj" ? read_obj : format.name == "stl" ? read_stl : read_ply;
+    TriangleMesh mesh = read(*source, settings, said);
     if (settings.triangles_needed && mesh.triangles.empty()) {
         std::string line = path + ": triangles are expected, there are " + std::to_string(mesh.positions.size()) + " vertices without any";
         for (const std::string& note : said.notes) line += "; " + note;

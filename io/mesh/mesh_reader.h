@@ -13,7 +13,7 @@ namespace strata {
 struct MeshReadSettings {
     uint64_t most_bytes = std::numeric_limits<uint64_t>::max();  // of memory, while it is read
     bool triangles_needed = false;                               // a mesh without triangles is an error
-    bool scalars = false;                                        // other values of vertices are kept, too
+    bool scalars = false;                                        // other values of vertices are kept, too, where the format has some
 };
 
 /// What a file says of its mesh beside the mesh, and what was done with it.
@@ -33,11 +33,10 @@ struct MeshReport {
 ///         Error{limit}: more memory than allowed, with the bytes needed; more than 2^32 - 1 vertices or triangles
 TriangleMesh read_mesh(const std::string& path, const MeshReadSettings& settings = {}, MeshReport* report = nullptr);
 
-// One format each, whatever the source is called.
-TriangleMesh read_obj(const ByteSource& source, uint64_t most_bytes, MeshReport& report);
-TriangleMesh read_stl(const ByteSource& source, uint64_t most_bytes, MeshReport& report);
-TriangleMesh read_ply(const ByteSource& source, uint64_t most_bytes, MeshReport& report);
-TriangleMesh read_ply_with_scalars(const ByteSource& source, uint64_t most_bytes, MeshReport& report);
+// One format each, whatever the source is called. Without triangles it is a mesh here, too.
+TriangleMesh read_obj(const ByteSource& source, const MeshReadSettings& settings, MeshReport& report);
+TriangleMesh read_stl(const ByteSource& source, const MeshReadSettings& settings, MeshReport& report);
+TriangleMesh read_ply(const ByteSource& source, const MeshReadSettings& settings, MeshReport& report);
 
 /// Whether a file of that size is a binary STL by its count of triangles.
 /// head  the first 84 bytes or more

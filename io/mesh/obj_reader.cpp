@@ -214,6 +214,6 @@ private:
 
 }  // namespace
 
-TriangleMesh read_obj(const ByteSource& source, uint64_t most_bytes, MeshReport& report) { return ObjReader(source, most_bytes).read(report); }
+TriangleMesh read_obj(const ByteSource& source, const MeshReadSettings& settings, MeshReport& report) { return ObjReader(source, settings.most_bytes).read(report); }
 
 }  // namespace strata

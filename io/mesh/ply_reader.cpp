@@ -140,7 +140,7 @@ uint8_t color_byte(double part, Scalar type) {
 
 class PlyReader {
 public:
-    PlyReader(const ByteSource& source, uint64_t most_bytes, bool scalars) : stream_(source), memory_(stream_, most_bytes), header_(read_header(stream_)), wants_scalars_(scalars) {}
+    PlyReader(const ByteSource& source, const MeshReadSettings& settings) : stream_(source), memory_(stream_, settings.most_bytes), header_(read_header(stream_)), wants_scalars_(settings.scalars) {}
 
     TriangleMesh read(MeshReport& report) {
         find_elements();
@@ -306,8 +306,6 @@ private:
 
 }  // namespace
 
-TriangleMesh read_ply(const ByteSource& source, uint64_t most_bytes, MeshReport& report) { return PlyReader(source, most_bytes, false).read(report); }
-
-TriangleMesh read_ply_with_scalars(const ByteSource& source, uint64_t most_bytes, MeshReport& report) { return PlyReader(source, most_bytes, true).read(report); }
+TriangleMesh read_ply(const ByteSource& source, const MeshReadSettings& settings, MeshReport& report) { return PlyReader(source, settings).read(report); }
 
 }  // namespace strata

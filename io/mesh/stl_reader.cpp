@@ -207,6 +207,6 @@ private:
 
 bool is_binary_stl(std::string_view head, uint64_t size) { return head.size() >= kHeader && size == kHeader + kFacet * uint64_t{count_of(head.data())}; }
 
-TriangleMesh read_stl(const ByteSource& source, uint64_t most_bytes, MeshReport& report) { return StlReader(source, most_bytes).read(report); }
+TriangleMesh read_stl(const ByteSource& source, const MeshReadSettings& settings, MeshReport& report) { return StlReader(source, settings.most_bytes).read(report); }
 
 }  // namespace strata

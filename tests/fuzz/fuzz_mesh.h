@@ -10,12 +10,12 @@
 namespace strata {
 
 /// Reads bytes as a mesh, under a cap that small files stay far below, and traps where the mesh is not what TriangleMesh promises.
-inline int fuzz_mesh(TriangleMesh (*read)(const ByteSource&, uint64_t, MeshReport&), const uint8_t* data, size_t size) {
+inline int fuzz_mesh(TriangleMesh (*read)(const ByteSource&, const MeshReadSettings&, MeshReport&), const uint8_t* data, size_t size) {
     std::vector<std::byte> bytes(size);
     if (size > 0) std::memcpy(bytes.data(), data, size);
     try {
         MeshReport report;
-        const TriangleMesh mesh = read(*memory_source("fuzz", std::move(bytes)), 64 * size + 65536, report);
+        const TriangleMesh mesh = read(*memory_source("fuzz", std::move(bytes)), {.most_bytes = 64 * size + 65536, .scalars = true}, report);
         for (const Vec3d& position : mesh.positions)
             if (!position.allFinite()) __builtin_trap();
         for (const auto& triangle : mesh.triangles)

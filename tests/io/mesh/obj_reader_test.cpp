@@ -131,12 +131,12 @@ TEST(ObjReader, MemoryIsCapped) {
     for (int i = 0; i < 10'000; ++i) text += "v " + std::to_string(i) + " 0 0\n";
     for (int i = 0; i < 20'000; ++i) text += "f 1 2 " + std::to_string(1 + i % 10'000) + "\n";
     const uint64_t least = 10'000 * 24 + 20'000 * 12;
-    EXPECT_EQ(test::mesh_of(read_obj, text, 3 * least).mesh.triangles.size(), 20'000u);
-    const std::string line = test::refusal_of(read_obj, test::bytes_of(text), least - 1, ErrorKind::limit);
+    EXPECT_EQ(test::mesh_of(read_obj, text, {.most_bytes = 3 * least}).mesh.triangles.size(), 20'000u);
+    const std::string line = test::refusal_of(read_obj, test::bytes_of(text), {.most_bytes = least - 1}, ErrorKind::limit);
     ASSERT_TRUE(line.starts_with("mesh: the mesh needs about ")) << line;
     const uint64_t asked = std::stoull(line.substr(27));
     EXPECT_GE(asked, least);
-    EXPECT_EQ(test::mesh_of(read_obj, text, asked).mesh.triangles.size(), 20'000u) << line;
+    EXPECT_EQ(test::mesh_of(read_obj, text, {.most_bytes = asked}).mesh.triangles.size(), 20'000u) << line;
 }
 
 }  // namespace

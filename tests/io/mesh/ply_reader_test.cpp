@@ -266,7 +266,7 @@ TEST(PlyReader, KeepsOtherValuesWhereAskedTo) {
             data.put(-2.0).put(uint8_t{9}).put(9.0f).put(int8_t{1}).put(uint8_t{2}).put(int16_t{3}).put(uint16_t{4}).put(int32_t{5}).put(uint32_t{6}).put(uint8_t{0}).put(8.0f).put(3.0f);
         }
         EXPECT_TRUE(test::mesh_of(read_ply, data.bytes).mesh.scalars.empty()) << encoding;
-        const TriangleMesh mesh = test::mesh_of(read_ply_with_scalars, data.bytes).mesh;
+        const TriangleMesh mesh = test::mesh_of(read_ply, data.bytes, {.scalars = true}).mesh;
         const std::vector<std::pair<std::string, std::array<float, 2>>> expected = {
             {"height", {0.5f, -2.0f}}, {"a", {-1, 1}}, {"b", {255, 2}}, {"c", {-32768, 3}}, {"d", {65535, 4}}, {"e", {-2147483648.0f, 5}}, {"f", {4294967296.0f, 6}}};
         ASSERT_EQ(mesh.scalars.size(), expected.size() + 1) << encoding;
@@ -286,14 +286,14 @@ TEST(PlyReader, OtherValuesAreBoundedAndLeaveWithTheirVertices) {
         row += ' ' + std::to_string(i);
     }
     const std::string text = head("ascii", elements) + "0 0 0" + row + "\nnan 0 0" + row + "\n1 0 0" + row + '\n';
-    const test::MeshOf result = test::mesh_of(read_ply_with_scalars, text);
+    const test::MeshOf result = test::mesh_of(read_ply, text, {.scalars = true});
     ASSERT_EQ(result.mesh.scalars.size(), 32u);
     EXPECT_EQ(result.mesh.scalars.back().name, "p31");
     EXPECT_EQ(result.mesh.scalars.back().values, (std::vector<float>{31, 31}));
     ASSERT_EQ(result.report.notes.size(), 2u);
     EXPECT_EQ(result.report.notes[0], "8 properties of vertices beyond the first 32 are left out");
     // 24 bytes a place and 4 a value are counted before they are taken.
-    EXPECT_EQ(test::refusal_of(read_ply_with_scalars, test::bytes_of(text), 455, ErrorKind::limit), "mesh: the mesh needs 456 bytes of memory, 455 are allowed");
+    EXPECT_EQ(test::refusal_of(read_ply, test::bytes_of(text), {.most_bytes = 455, .scalars = true}, ErrorKind::limit), "mesh: the mesh needs 456 bytes of memory, 455 are allowed");
 }
 
 // Counts say what is needed before anything is taken.
@@ -301,8 +301,8 @@ TEST(PlyReader, MemoryIsCapped) {
     std::string text = head("ascii", "element vertex 1000\n" + kPlace + "element face 2000\n" + kCorners);
     for (int i = 0; i < 1000; ++i) text += "0 0 0\n";
     for (int i = 0; i < 2000; ++i) text += "3 0 1 2\n";
-    EXPECT_EQ(test::mesh_of(read_ply, text, 48'000).mesh.triangles.size(), 2000u);
-    EXPECT_EQ(test::refusal_of(read_ply, test::bytes_of(text), 47'999, ErrorKind::limit), "mesh: the mesh needs 48000 bytes of memory, 47999 are allowed");
+    EXPECT_EQ(test::mesh_of(read_ply, text, {.most_bytes = 48'000}).mesh.triangles.size(), 2000u);
+    EXPECT_EQ(test::refusal_of(read_ply, test::bytes_of(text), {.most_bytes = 47'999}, ErrorKind::limit), "mesh: the mesh needs 48000 bytes of memory, 47999 are allowed");
 }
 
 }  // namespace

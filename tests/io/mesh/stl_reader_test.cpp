@@ -144,11 +144,11 @@ TEST(StlReader, MemoryIsCapped) {
     for (int i = 0; i < 10'000; ++i) facets.push_back({float(i), 0, 0, float(i), 1, 0, float(i), 0, 1});
     const Bytes bytes = binary(facets);
     const uint64_t least = 10'000 * 12 + 30'000 * 24;
-    const std::string early = test::refusal_of(read_stl, bytes, 100'000, ErrorKind::limit);
+    const std::string early = test::refusal_of(read_stl, bytes, {.most_bytes = 100'000}, ErrorKind::limit);
     EXPECT_TRUE(early.starts_with("mesh: the mesh needs ")) << early;
-    const std::string line = test::refusal_of(read_stl, bytes, least, ErrorKind::limit);
+    const std::string line = test::refusal_of(read_stl, bytes, {.most_bytes = least}, ErrorKind::limit);
     ASSERT_TRUE(line.starts_with("mesh: the mesh needs about ")) << line;
-    EXPECT_EQ(test::mesh_of(read_stl, bytes, std::stoull(line.substr(27))).mesh.positions.size(), 30'000u) << line;
+    EXPECT_EQ(test::mesh_of(read_stl, bytes, {.most_bytes = std::stoull(line.substr(27))}).mesh.positions.size(), 30'000u) << line;
 }
 
 TEST(StlReader, TellsBinaryFilesByTheirSize) {
