@@ -1,12 +1,10 @@
 #include "app/commands/info_mesh.h"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "app/commands/info_json.h"
 #include "core/error.h"
+#include "core/surface/scalar_ranges.h"
 #include "core/surface/surface_report.h"
 #include "io/mesh/mesh_reader.h"
 
@@ -26,19 +24,11 @@ ordered_json mesh_report(const std::string& path, const Format& format, bool exa
     if (!mesh.normals.empty()) add("normal", "float", 3);
     if (!mesh.colors.empty()) add("color", "uint8", 4);
     for (const MeshScalars& scalars : mesh.scalars) {
-        float least = std::numeric_limits<float>::infinity(), greatest = -least;
-        uint64_t unknown = 0;
-        for (const float value : scalars.values) {
-            if (!std::isfinite(value)) {
-                ++unknown;
-                continue;
-            }
-            least = std::min(least, value);
-            greatest = std::max(greatest, value);
-        }
-        const bool known = least <= greatest;
-        report["attributes"].push_back({{"name", scalars.name}, {"type", "float"}, {"components", 1}, {"min", known ? ordered_json(least) : ordered_json()},
-                                        {"max", known ? ordered_json(greatest) : ordered_json()}, {"unknown", unknown}});
+        ScalarRanges::Range range;
+        range.add(scalars.values);
+        const auto number = [&](float value) { return range.known() ? ordered_json(value) : ordered_json(); };
+        report["attributes"].push_back({{"name", scalars.name}, {"type", "float"}, {"components", 1}, {"min", number(range.least)},
+                                        {"max", number(range.greatest)}, {"unknown", range.unknown}});
     }
     if (exact) {
         // All edges are kept, 32 bytes a vertex and some that many edges end at; and parts, 5 bytes a vertex.

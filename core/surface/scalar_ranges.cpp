@@ -5,22 +5,23 @@
 
 namespace strata {
 
+void ScalarRanges::Range::add(std::span<const float> values) {
+    for (const float value : values) {
+        if (std::isfinite(value)) {
+            least = std::min(least, value);
+            greatest = std::max(greatest, value);
+        } else {
+            ++unknown;
+        }
+    }
+}
+
 ScalarRanges::ScalarRanges(SurfaceSink& next, const std::vector<std::string>& names) : next_(next) {
     for (const std::string& name : names) ranges_.push_back({.name = name});
 }
 
 void ScalarRanges::add(const SurfacePiece& piece) {
-    for (size_t s = 0; s < piece.scalars.size() && s < ranges_.size(); ++s) {
-        Range& range = ranges_[s];
-        for (const float value : piece.scalars[s].values) {
-            if (std::isfinite(value)) {
-                range.least = std::min(range.least, value);
-                range.greatest = std::max(range.greatest, value);
-            } else {
-                ++range.unknown;
-            }
-        }
-    }
+    for (size_t s = 0; s < piece.scalars.size() && s < ranges_.size(); ++s) ranges_[s].add(piece.scalars[s].values);
     next_.add(piece);
 }
 

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@ public:
         float least = std::numeric_limits<float>::infinity(), greatest = -std::numeric_limits<float>::infinity();  // of values that are finite
         uint64_t unknown = 0;                                                                                       // vertices with another value
         bool known() const { return least <= greatest; }
+        void add(std::span<const float> values);
     };
 
     /// next  must outlive it
