@@ -143,11 +143,7 @@ double Options::number(std::string_view flag) const { return parse_number(flag, 
 std::vector<double> Options::numbers(std::string_view flag, size_t count) const {
     const std::string word = text(flag);
     std::vector<double> values_read;
-    for (size_t begin = 0; begin <= word.size();) {
-        const size_t end = std::min(word.find(',', begin), word.size());
-        values_read.push_back(parse_number(flag, word.substr(begin, end - begin)));
-        begin = end + 1;
-    }
+    for (const std::string& item : split_list(word)) values_read.push_back(parse_number(flag, item));
     if (values_read.size() != count) throw bad_value(flag, std::to_string(count) + " numbers with commas", word);
     return values_read;
 }
@@ -166,6 +162,16 @@ uint64_t Options::bytes(std::string_view flag) const {
     if (status != std::errc() || shift < 0 || !(value > 0.0) || value * std::ldexp(1.0, shift) > 0x1p60)
         throw bad_value(flag, "a size such as 512M or 2G", word);
     return uint64_t(value * std::ldexp(1.0, shift));
+}
+
+std::vector<std::string> split_list(std::string_view text) {
+    std::vector<std::string> items;
+    for (size_t begin = 0; begin <= text.size();) {
+        const size_t end = std::min(text.find(',', begin), text.size());
+        items.emplace_back(text.substr(begin, end - begin));
+        begin = end + 1;
+    }
+    return items;
 }
 
 double parse_number(std::string_view flag, const std::string& text) {

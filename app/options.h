@@ -55,6 +55,9 @@ inline constexpr OptionRow kQuiet = {"--quiet", "-q", "", "", "no progress, no s
 inline constexpr OptionRow kJson = {"--json", "", "", "", "one JSON object on standard output and nothing else"};
 }  // namespace shared_option
 
+/// What is between the commas of a text: one word more than there are commas, which may be empty.
+std::vector<std::string> split_list(std::string_view text);
+
 /// The whole text as a finite number.  throws  Error{usage}, naming the flag
 double parse_number(std::string_view flag, const std::string& text);
 

@@ -9,11 +9,7 @@ namespace strata {
 
 std::vector<double> parse_list(std::string_view flag, const std::string& text) {
     std::vector<double> values;
-    for (size_t begin = 0; begin <= text.size();) {
-        const size_t end = std::min(text.find(',', begin), text.size());
-        values.push_back(parse_number(flag, text.substr(begin, end - begin)));
-        begin = end + 1;
-    }
+    for (const std::string& item : split_list(text)) values.push_back(parse_number(flag, item));
     return values;
 }
 

@@ -17,7 +17,7 @@ std::vector<double> parse_list(std::string_view flag, const std::string& text);
 /// throws  Error{usage}: other words, or a number twice
 std::vector<double> parse_isovalues(const std::string& text);
 
-/// The row of an isovalue that is needed for an input: says which values there are. least > greatest: none
+/// What is thrown where --iso is missing: names the values that `what` has. least > greatest: it has none
 Error isovalue_expected(const std::string& what, double least, double greatest);
 
 /// "0.5", "-1000 to 1176"

@@ -97,18 +97,16 @@ std::optional<RawVolumeLayout> raw_layout(const Options& options) {
 // "60a0ff:90,ffffff:40"
 std::vector<std::pair<VoxelColor, uint8_t>> parse_transparent(const std::string& text) {
     std::vector<std::pair<VoxelColor, uint8_t>> colors;
-    for (size_t begin = 0; begin <= text.size();) {
-        const size_t end = std::min(text.find(',', begin), text.size());
-        const std::string_view item = std::string_view(text).substr(begin, end - begin);
+    for (const std::string& text_of_one : split_list(text)) {
+        const std::string_view item = text_of_one;
         const auto parse = [](std::string_view word, int base, uint32_t& number) {
             const auto [stop, problem] = std::from_chars(word.data(), word.data() + word.size(), number, base);
             return problem == std::errc() && stop == word.data() + word.size();
         };
         uint32_t color = 0, opacity = 255;
         if (item.find(':') != 6 || !parse(item.substr(0, 6), 16, color) || !parse(item.substr(7), 10, opacity) || opacity > 254)
-            throw Error(ErrorKind::usage, "--transparent: expected colors such as 60a0ff:90, each with an opacity of 0 to 254, got '" + std::string(item) + "'");
+            throw Error(ErrorKind::usage, "--transparent: expected colors such as 60a0ff:90, each with an opacity of 0 to 254, got '" + text_of_one + "'");
         colors.push_back({{uint8_t(color >> 16), uint8_t(color >> 8), uint8_t(color)}, uint8_t(opacity)});
-        begin = end + 1;
     }
     return colors;
 }
@@ -116,13 +114,10 @@ std::vector<std::pair<VoxelColor, uint8_t>> parse_transparent(const std::string&
 std::vector<std::string> parse_attributes(const std::string& text) {
     constexpr size_t kMost = 16;
     std::vector<std::string> names;
-    for (size_t begin = 0; begin <= text.size();) {
-        const size_t end = std::min(text.find(',', begin), text.size());
-        const std::string name = text.substr(begin, end - begin);
+    for (const std::string& name : split_list(text)) {
         if (name.empty()) throw Error(ErrorKind::usage, "--attributes: expected names with commas between them, got '" + text + "'");
         if (std::find(names.begin(), names.end(), name) != names.end()) throw Error(ErrorKind::usage, "--attributes: '" + name + "' is there twice");
         names.push_back(name);
-        begin = end + 1;
     }
     if (names.size() > kMost) throw Error(ErrorKind::usage, "--attributes: expected at most " + std::to_string(kMost) + " names, got " + std::to_string(names.size()));
     return names;

@@ -41,16 +41,13 @@ constexpr OptionRow kRows[] = {
 
 VoxelAttributes parse_attributes(const std::string& text) {
     VoxelAttributes attributes;
-    for (size_t begin = 0; begin <= text.size();) {
-        const size_t end = std::min(text.find(',', begin), text.size());
-        const std::string name = text.substr(begin, end - begin);
+    for (const std::string& name : split_list(text)) {
         if (name == "color") attributes.color = true;
         else if (name == "normal") attributes.normal = true;
         else if (name == "count") attributes.count = true;
         else if (name == "opacity") attributes.opacity = true;
         else if (name != "none" || text != "none")
             throw Error(ErrorKind::usage, "--attributes: expected color, normal, count, opacity or none, with commas, got '" + name + "'");
-        begin = end + 1;
     }
     return attributes;
 }

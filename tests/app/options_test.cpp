@@ -130,5 +130,12 @@ TEST(Options, AWrongCommandLineIsExplained) {
     EXPECT_EQ(usage_error([] { parsed({"a", "b", "-n", "1", "-n", "2"}); }), "try: --count: given more than once");
 }
 
+TEST(Options, AListHasAWordMoreThanCommas) {
+    using Words = std::vector<std::string>;
+    EXPECT_EQ(split_list("a,b c,,d"), (Words{"a", "b c", "", "d"}));
+    EXPECT_EQ(split_list(""), Words{""});
+    EXPECT_EQ(split_list("a,"), (Words{"a", ""}));
+}
+
 }  // namespace
 }  // namespace strata
