@@ -7,7 +7,7 @@ namespace strata {
 namespace {
 
 // Points are numbered by 32 bits; what lies beyond is background.
-float value_of(const VdbField& field, int64_t i, int64_t j, int64_t k) {
+float value_of(VdbField& field, int64_t i, int64_t j, int64_t k) {
     for (const int64_t part : {i, j, k})
         if (part != int32_t(part)) return field.background();
     return field.value_at({int(i), int(j), int(k)});

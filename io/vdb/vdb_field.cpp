@@ -168,7 +168,7 @@ void VdbField::read_values(const Brick& brick, std::span<float> out) const {
     else scratch_->read(brick.slot * kBrickBytes, std::as_writable_bytes(out));
 }
 
-float VdbField::value_at(const Vec3i& index) const {
+float VdbField::value_at(const Vec3i& index) {
     const auto corner = [](int part) { return part & ~(kFieldBrickSide - 1); };
     const Vec3i origin(corner(index.x()), corner(index.y()), corner(index.z())), place = index - origin;
     if (last_ >= bricks_.size() || bricks_[last_].origin != origin) {

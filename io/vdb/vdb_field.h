@@ -48,8 +48,8 @@ public:
     float background() const override { return background_; }
     float absent_value(const std::array<int32_t, 3>& corner) const override;
     bool next_layer(FieldBrickLayer& out) override;
-    /// The value of any point. From one thread at a time, as the last brick that was found is looked at first.
-    float value_at(const Vec3i& index) const;
+    /// The value of any point. The last brick that was found is kept, and looked at first.
+    float value_at(const Vec3i& index);
 
 private:
     /// A cube of points of one value, or a leaf, by its least.
@@ -88,8 +88,8 @@ private:
     uint64_t slots_ = 0;
     size_t next_ = 0;  // brick
     // Of value_at: the last brick, and its values where the scratch store has them.
-    mutable size_t last_ = 0, cached_ = ~size_t{0};
-    mutable std::vector<float> cache_;
+    size_t last_ = 0, cached_ = ~size_t{0};
+    std::vector<float> cache_;
 };
 
 /// throws  as VdbField; Error{not_found, io}

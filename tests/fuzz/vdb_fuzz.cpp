@@ -30,7 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         ByteStream stream(*source);
         for (const VdbGrid& grid : read_vdb_header(stream).grids) {
             if (!is_vector(grid)) continue;
-            const VdbField field(*source, {.grid = grid.name, .component = 2, .only_active = true, .memory_bytes = 4 << 20});
+            VdbField field(*source, {.grid = grid.name, .component = 2, .only_active = true, .memory_bytes = 4 << 20});
             field.value_at({1, -2, 3});
         }
     } catch (const Error&) {
