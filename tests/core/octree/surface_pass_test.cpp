@@ -12,27 +12,10 @@
 #include "core/octree/octree_builder.h"
 #include "tests/support/memory_source.h"
 #include "tests/support/run_program.h"
+#include "tests/support/store_in_memory.h"
 
 namespace strata {
 namespace {
-
-class MemoryScratch : public ScratchStore {
-public:
-    void write(uint64_t offset, std::span<const std::byte> added) override {
-        const std::lock_guard lock(mutex_);
-        if (bytes_.size() < offset + added.size()) bytes_.resize(offset + added.size());
-        std::copy(added.begin(), added.end(), bytes_.begin() + ptrdiff_t(offset));
-    }
-    void read(uint64_t offset, std::span<std::byte> out) const override {
-        const std::lock_guard lock(mutex_);
-        std::copy_n(bytes_.begin() + ptrdiff_t(offset), out.size(), out.begin());
-    }
-    void discard(uint64_t, uint64_t) override {}
-
-private:
-    mutable std::mutex mutex_;
-    std::vector<std::byte> bytes_;
-};
 
 using Values = std::vector<std::array<uint32_t, 4>>;  // [point] the bits of normal and density
 
@@ -167,7 +150,7 @@ TEST(SurfacePass, ThreadsAndStoresDoNotShow) {
     const std::vector<Vec3i> points = cloud_in_box(6'000, 10, {0, 0, 0}, {3'000, 3'000, 30});
     const Pass expected = run_pass(points, 1000);
     for (const int threads : {2, 7}) {
-        MemoryScratch scratch;
+        test::StoreInMemory scratch;
         const Pass in_memory = run_pass(points, 1000, kBoth, threads), on_scratch = run_pass(points, 1000, kBoth, threads, &scratch);
         EXPECT_EQ(in_memory.values, expected.values);
         EXPECT_EQ(on_scratch.values, expected.values);

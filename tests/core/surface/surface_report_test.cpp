@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <numbers>
 
 #include "core/math/random.h"
+#include "tests/support/store_in_memory.h"
 #include "tests/support/test_meshes.h"
 
 namespace strata {
@@ -193,24 +193,10 @@ TEST(SurfaceReport, RandomClosedMeshes) {
     }
 }
 
-class StoreInMemory : public ScratchStore {
-public:
-    void write(uint64_t offset, std::span<const std::byte> bytes) override {
-        bytes_.resize(std::max<size_t>(bytes_.size(), offset + bytes.size()));
-        std::memcpy(bytes_.data() + offset, bytes.data(), bytes.size());
-    }
-    void read(uint64_t offset, std::span<std::byte> out) const override { std::memcpy(out.data(), bytes_.data() + offset, out.size()); }
-    void discard(uint64_t, uint64_t) override {}
-    size_t size() const { return bytes_.size(); }
-
-private:
-    std::vector<std::byte> bytes_;
-};
-
 // A tall tube in pieces of one ring each, far more than pages and runs: what is said of it is as if it came at once.
 TEST(MeasuredSurface, ASurfaceInPiecesIsMeasuredAsOne) {
     constexpr uint32_t kAround = 512, kRings = 1200;
-    StoreInMemory scratch;
+    test::StoreInMemory scratch;
     MeasuredSurface measured(nullptr, &scratch, 0);
     for (uint32_t ring = 0; ring < kRings; ++ring) {
         std::vector<Vec3f> positions;
@@ -288,7 +274,7 @@ TEST(MeasuredSurface, FacesInAnyOrderThroughLittleMemory) {
         EXPECT_EQ(whole.nonmanifold_edges > 50, !is_closed);
         for (const bool keep_edges : {false, true}) {
             if (!keep_edges && !is_closed) continue;  // it may miss a third face
-            StoreInMemory scratch;
+            test::StoreInMemory scratch;
             MeasuredSurface measured(nullptr, &scratch, 60'000, keep_edges);
             std::vector<Vec3f> positions;
             for (const Vec3d& p : mesh.positions) positions.push_back(p.cast<float>());
@@ -320,7 +306,7 @@ TEST(MeasuredSurface, FacesInAnyOrderThroughLittleMemory) {
 // Roofs of two triangles, each with a gutter of two more that comes long after: the ridge has four faces then, as an edge along which two cubes
 // touch.
 TEST(MeasuredSurface, FacesThatComeLateToAnEdgeAreSeen) {
-    StoreInMemory scratch;
+    test::StoreInMemory scratch;
     MeasuredSurface measured(nullptr, &scratch, 300'000, true);
     constexpr uint32_t kRoofs = 20'000;
     for (uint32_t roof = 0; roof < kRoofs; ++roof) {
@@ -348,7 +334,7 @@ TEST(MeasuredSurface, FacesThatComeLateToAnEdgeAreSeen) {
 
 // Quads with corners of their own: every edge stays open, and what does not fit is put away.
 TEST(EdgeTable, KeepsToItsMemory) {
-    StoreInMemory scratch;
+    test::StoreInMemory scratch;
     ScratchRoom room(scratch);
     constexpr uint64_t kMemory = 1 << 20;
     EdgeTable edges(false, &room, kMemory);

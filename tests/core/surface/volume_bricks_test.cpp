@@ -4,7 +4,6 @@
 
 #include <Eigen/LU>
 #include <cmath>
-#include <cstring>
 #include <functional>
 #include <limits>
 #include <set>
@@ -14,26 +13,13 @@
 #include "core/surface/cube_surface.h"
 #include "core/surface/surface_report.h"
 #include "tests/support/field_source.h"
+#include "tests/support/store_in_memory.h"
 #include "tests/support/surface_in_memory.h"
 
 namespace strata {
 namespace {
 
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
-
-class StoreInMemory : public ScratchStore {
-public:
-    void write(uint64_t offset, std::span<const std::byte> bytes) override {
-        bytes_.resize(std::max<size_t>(bytes_.size(), offset + bytes.size()));
-        std::memcpy(bytes_.data() + offset, bytes.data(), bytes.size());
-    }
-    void read(uint64_t offset, std::span<std::byte> out) const override { std::memcpy(out.data(), bytes_.data() + offset, out.size()); }
-    void discard(uint64_t, uint64_t) override {}
-    size_t size() const { return bytes_.size(); }
-
-private:
-    std::vector<std::byte> bytes_;
-};
 
 struct Cubes {
     CubeSurfaceCounts counts;
@@ -83,7 +69,7 @@ TEST(VolumeBricks, NoiseShowsTheFacesThatTheRuleSays) {
     placement.axes << 0, 0.5, 0.25, 2, 0, 0.125, 0, 0, 1.5;
     ASSERT_LT(placement.axes.determinant(), 0.0);
     std::vector<Vec3d> first;
-    StoreInMemory scratch;
+    test::StoreInMemory scratch;
     for (const bool small : {false, true})
         for (const int threads : {1, 3}) {
             test::FunctionSlices source(kSize, [&](int i, int j, int k) { return at(i, j, k) ? 3.0 : -1.0; }, placement);
@@ -142,7 +128,7 @@ TEST(VolumeBricks, LabelsAreMaterials) {
     }
     // A middle of glass shows the others' faces through it, and its own.
     test::FunctionSlices again({100, 100, 100}, label);
-    StoreInMemory scratch;
+    test::StoreInMemory scratch;
     const VolumeBricks bricks(again, {.color_of = color_of, .memory_bytes = 4'500'000, .scratch = &scratch});
     EXPECT_GT(scratch.size(), 0u);
     ASSERT_EQ(bricks.labels().size(), 3u);

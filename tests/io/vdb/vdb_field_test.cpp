@@ -5,13 +5,13 @@
 
 #include <cmath>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <map>
 
 #include "core/error.h"
 #include "io/vdb/vdb_writer.h"
 #include "io/volume/volume_source.h"
+#include "tests/support/store_in_memory.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/test_meshes.h"
 
@@ -61,20 +61,6 @@ private:
     std::map<std::array<int32_t, 3>, std::vector<float>> bricks_;
 };
 
-class StoreInMemory : public ScratchStore {
-public:
-    void write(uint64_t offset, std::span<const std::byte> bytes) override {
-        bytes_.resize(std::max<size_t>(bytes_.size(), offset + bytes.size()));
-        std::memcpy(bytes_.data() + offset, bytes.data(), bytes.size());
-    }
-    void read(uint64_t offset, std::span<std::byte> out) const override { std::memcpy(out.data(), bytes_.data() + offset, out.size()); }
-    void discard(uint64_t, uint64_t) override {}
-    size_t size() const { return bytes_.size(); }
-
-private:
-    std::vector<std::byte> bytes_;
-};
-
 // Distances to a sphere that reaches over negative indices, whose inside is tiles of 8^3 points: each value is the distance, or that of the band's ends.
 TEST(VdbField, LevelSetOfASphere) {
     if (!has_openvdb()) GTEST_SKIP() << "this build has no OpenVDB to write a file with";
@@ -109,7 +95,7 @@ TEST(VdbField, ScratchStoreHoldsWhatDoesNotFit) {
     const TemporaryFolder folder;
     MeshLevelSet(sphere_mesh({0, 0, 0}, 5.0, 100), {.voxel_size = 0.0625}).write(folder.file("a.vdb"), false);
     const auto whole = open_vdb_field(folder.file("a.vdb"), {});
-    StoreInMemory scratch;
+    test::StoreInMemory scratch;
     const auto part = open_vdb_field(folder.file("a.vdb"), {.memory_bytes = 4 << 20, .scratch = &scratch});
     EXPECT_GT(scratch.size(), 0u);
     EXPECT_EQ(Values(*part).all(), Values(*whole).all());
