@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -13,7 +12,7 @@
 #include "io/mesh/mesh_reader.h"
 #include "tests/support/run_program.h"
 #include "tests/support/scan_files.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/surface_program.h"
 #include "tests/support/vdb_file.h"
 
 namespace strata {
@@ -58,7 +57,7 @@ const Vec3d kMiddle(107, 207, 0);
 double ball(const Vec3d& p) { return 5.0 - (p - kMiddle).norm(); }
 double linear(const Vec3d& p) { return 2.0 * p.x() - p.y() + 0.25 * p.z(); }
 
-class SurfaceAttributes : public testing::Test {
+class SurfaceAttributes : public test::SurfaceProgram {
 protected:
     void SetUp() override {
         write_bytes(file("ball.mha"), Volume{.value = ball}.file());
@@ -67,27 +66,7 @@ protected:
         write_bytes(file("half.mha"), Volume{.size = {11, 12, 9}, .spacing = {1.5, 1.25, 1.0}, .origin = {99, 199, 0}, .value = linear}.file());
         write_bytes(file("none.mha"), Volume{.value = [](const Vec3d&) { return double(kUnknown); }}.file());
     }
-    ProgramResult run(std::vector<std::string> words) {
-        words.insert(words.begin(), "surface");
-        return run_strata(words);
-    }
-    json surface(std::vector<std::string> words) {
-        words.push_back("--json");
-        const ProgramResult result = run(words);
-        EXPECT_EQ(result.exit_code, 0) << result.err;
-        return result.exit_code == 0 ? json::parse(result.out) : json();
-    }
-    void refuse(std::vector<std::string> words, int code, const std::string& said) {
-        words.insert(words.end(), {"-o", file("refused.ply")});
-        const ProgramResult result = run(words);
-        EXPECT_EQ(result.exit_code, code) << said << '\n' << result.err;
-        EXPECT_NE(result.err.find(said), std::string::npos) << said << '\n' << result.err;
-        if (code == 1) EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
-        EXPECT_FALSE(std::filesystem::exists(file("refused.ply")));
-    }
     TriangleMesh mesh(const std::string& name) const { return read_mesh(file(name), {.scalars = true}); }
-    std::string file(const std::string& name) const { return folder_.file(name); }
-    const TemporaryFolder folder_;
 };
 
 // A linear field is exact at vertices, from a volume on the same grid and from another one, and unknown where that one ends.

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
-#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -13,16 +11,15 @@
 #include "io/mesh/mesh_reader.h"
 #include "tests/support/run_program.h"
 #include "tests/support/scan_files.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/surface_program.h"
 
 namespace strata {
 namespace {
 
 using nlohmann::json;
-using test::ProgramResult;
 using test::run_strata;
 
-class CubesOfVolumes : public testing::Test {
+class CubesOfVolumes : public test::SurfaceProgram {
 protected:
     /// A NRRD file; T is of type `type`.
     template <typename T>
@@ -41,25 +38,6 @@ protected:
     std::string ball() {
         return volume<uint8_t>("ball.nrrd", "uint8", {32, 32, 32}, [](int i, int j, int k) { return uint8_t((i - 16) * (i - 16) + (j - 16) * (j - 16) + (k - 16) * (k - 16) <= 256 ? 200 : 0); });
     }
-    ProgramResult run(std::vector<std::string> words) {
-        words.insert(words.begin(), "surface");
-        return run_strata(words);
-    }
-    json surface(std::vector<std::string> words) {
-        words.push_back("--json");
-        const ProgramResult result = run(words);
-        EXPECT_EQ(result.exit_code, 0) << result.err;
-        return result.exit_code == 0 ? json::parse(result.out) : json();
-    }
-    void refuse(std::vector<std::string> words, int code, const std::string& said) {
-        words.insert(words.end(), {"-o", file("refused.ply")});
-        const ProgramResult result = run(words);
-        EXPECT_EQ(result.exit_code, code) << said << '\n' << result.err;
-        EXPECT_NE(result.err.find(said), std::string::npos) << said << '\n' << result.err;
-        EXPECT_FALSE(std::filesystem::exists(file("refused.ply")));
-    }
-    std::string file(const std::string& name) const { return folder_.file(name); }
-    const TemporaryFolder folder_;
 };
 
 TEST_F(CubesOfVolumes, TheBallOfIntegers) {
