@@ -58,7 +58,7 @@ void CellColorsAtVertices::look_up(const Vec3d& origin, std::span<const Vec3f> p
                 sum += weight * Vec3d((*color)[0], (*color)[1], (*color)[2]);
                 known += weight;
             });
-            out[v] = {128, 128, 128, 255};
+            out[v] = kNoColor;
             if (known > 0.0)
                 for (size_t part = 0; part < 3; ++part) out[v][part] = uint8_t(sum[int(part)] / known + 0.5);
         }

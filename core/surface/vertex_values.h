@@ -23,7 +23,10 @@ public:
     virtual void finish() {}
 };
 
-/// Colors likewise.
+/// Where no color is known.
+inline constexpr std::array<uint8_t, 4> kNoColor = {128, 128, 128, 255};
+
+/// Colors likewise; kNoColor: unknown.
 class ColorsAtVertices {
 public:
     virtual ~ColorsAtVertices() = default;

@@ -30,7 +30,7 @@ VdbColorsAtVertices::VdbColorsAtVertices(std::array<std::unique_ptr<VdbField>, 3
 
 void VdbColorsAtVertices::look_up(const Vec3d& origin, std::span<const Vec3f> positions, std::span<std::array<uint8_t, 4>> out) {
     for (size_t v = 0; v < positions.size(); ++v) {
-        out[v] = {128, 128, 128, 255};
+        out[v] = kNoColor;
         const Vec3d index = places_.index_of(origin, positions[v]);
         if (is_nowhere(index)) continue;
         Vec3d sum = Vec3d::Zero();
