@@ -89,7 +89,7 @@ public:
 
     void extract(SurfaceSink& out, ProgressLine& progress) override {
         SlicesWithProgress slices(*volume_, progress);
-        VolumeBricksSettings settings = {.place = path_, .inside = request_.inside.value_or(ContourInside::above), .memory_bytes = request_.memory_bytes / 2, .scratch = request_.scratch};
+        VolumeBricksSettings settings = {.place = path_, .inside = request_.inside.value_or(ContourInside::above), .memory_bytes = request_.memory_bytes / 2, .memory_parts = request_.memory_parts * 2, .scratch = request_.scratch};
         if (request_.labels) settings.color_of = LabelColors(), settings.label_bytes = kLabelBytes;
         else settings.isovalue = request_.isovalues[0];
         const VolumeBricks bricks(slices, settings);
@@ -101,7 +101,8 @@ public:
                               .colors = request_.labels,
                               .transparent = request_.transparent,
                               .threads = request_.threads,
-                              .memory_bytes = request_.memory_bytes},
+                              .memory_bytes = request_.memory_bytes,
+                              .memory_parts = request_.memory_parts},
                              request_.labels ? static_cast<SurfaceSink&>(labeled) : out);
         nan_samples_ = bricks.nan_samples();
         if (nan_samples_ > 0) notes.push_back(std::to_string(nan_samples_) + " samples are not a number, and no cubes");

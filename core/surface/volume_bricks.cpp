@@ -88,7 +88,7 @@ VolumeBricks::VolumeBricks(SliceSource& source, const VolumeBricksSettings& sett
 void VolumeBricks::hold(uint64_t bytes) {
     held_bytes_ += bytes;
     if (held_bytes_ > settings_.memory_bytes)
-        fail(ErrorKind::limit, "cells of the volume need " + std::to_string(held_bytes_) + " bytes of memory or more, " + std::to_string(settings_.memory_bytes) + " are allowed; " + std::string(advice()));
+        fail(ErrorKind::limit, "cells of the volume need " + std::to_string(held_bytes_ * settings_.memory_parts) + " bytes of memory or more, " + std::to_string(settings_.memory_bytes * settings_.memory_parts) + " are allowed; " + std::string(advice()));
 }
 
 void VolumeBricks::fail(ErrorKind kind, const std::string& message) const {

@@ -23,6 +23,7 @@ struct VolumeBricksSettings {
     std::function<VoxelColor(int32_t label)> color_of;
     uint64_t label_bytes = 0;  // that the caller keeps of each label, which count, too
     uint64_t memory_bytes = std::numeric_limits<uint64_t>::max();
+    uint64_t memory_parts = 1;        // memory_bytes is one of so many of what was given: errors speak of that
     ScratchStore* scratch = nullptr;  // for bricks that do not fit; null: they must
 };
 

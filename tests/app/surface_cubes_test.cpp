@@ -117,7 +117,7 @@ TEST_F(CubesOfVolumes, ManyLabelsHaveColorsOfTheirOwn) {
     for (const json& label : report["labels"]) colors.insert(label["color"]);
     EXPECT_EQ(colors.size(), 512u * 20u);
     refuse({volume<int32_t>("more.nrrd", "int32", {512, 2049, 1}, number), "--labels"}, 1, "more.nrrd: sample (0, 2048, 0): one more label than the 1048576 that there may be");
-    refuse({volume<int32_t>("large.nrrd", "int32", {512, 512, 1}, number), "--labels", "--memory", "200M"}, 1, "large.nrrd: cells of the volume need ");
+    refuse({volume<int32_t>("large.nrrd", "int32", {512, 512, 1}, number), "--labels", "--memory", "200M"}, 1, " bytes of memory or more, 209715200 are allowed; a coarser volume needs less");
 }
 
 TEST_F(CubesOfVolumes, WhatIsWrongIsSaid) {
