@@ -1,4 +1,4 @@
-// strata surface: volumes, grids and voxels to meshes.
+// strata surface: volumes, grids, voxels and points to meshes.
 #include <algorithm>
 #include <charconv>
 #include <chrono>
@@ -31,20 +31,20 @@ namespace fs = std::filesystem;
 constexpr OptionRow kRows[] = {
     {"--output", "-o", "OUT", "", "the mesh to write: .ply, .obj, .stl or .glb"},
     {"--iso", "-i", "V,...", "", "isovalues: the surface where values cross V; several make one mesh of several colors. Needed for volumes and fog volumes; of a level set 0 if not given"},
-    {"--method", "", "METHOD", "", "marching-cubes (of volumes and .vdb files, where the default), or cubes: faces of voxels, merged to rectangles (of .svo files, where the default; of volumes faces of the samples inside --iso). Either of voxels that are made of points or a mesh first; marching-cubes of voxels is of the share of each cell that is occupied, at 0.5. smooth (of points, where the default): a surface near them, open where they end"},
+    {"--method", "", "METHOD", "", "marching-cubes, cubes (faces of voxels or of the samples inside --iso, merged to rectangles) or smooth (of points); default: smooth of points, cubes of .svo files, else marching-cubes"},
     {"--inside", "", "SIDE", "", "above or below: where values are greater or less than the isovalue the surface is solid; default: above, of a level set below"},
     {"--close", "", "", "", "of volumes: close the surface where it meets the boundary"},
     {"--normals", "-n", "", "", "normals of vertices, from the gradient of the values; of cubes those of faces, which then share vertices only where they look the same way"},
-    {"--voxel-size", "-s", "UNITS", "", "side of the voxels to make of points or a mesh, CRS units; of a .svo file the coarsest cells that are no larger"},
-    {"--radius", "", "UNITS", "", "of points: the surface around balls of this radius, closed whatever the points are; samples lie --voxel-size apart, half the radius if not given. With --method smooth: how far a point has a say, 2 to 7 times --voxel-size; default: 3 times what lies between points, and --voxel-size a third of it"},
-    {"--viewpoint", "", "X,Y,Z", "", "of points, for --method smooth: where the scanner stood, CRS units: normals look there; default: those of the points, else as neighbors agree"},
-    {"--error", "-e", "VOXELS|PXpx", "", "of a .svo file: the coarsest cells whose cubes lie within so many voxels of the finest, or, such as 1.5px, pixels of a picture: of --camera, else what render --view iso shows"},
-    {"--camera", "", "FILE.json", "", "of --error in pixels: the camera, as render has it"},
+    {"--voxel-size", "-s", "UNITS", "", "of points and meshes: the side of the voxels to make, or what lies between samples, CRS units; of a .svo file the coarsest cells that are no larger"},
+    {"--radius", "", "UNITS", "", "of points: the surface around balls of this radius; with --method smooth: how far a point has a say; default: smooth, 3 times what lies between points"},
+    {"--viewpoint", "", "X,Y,Z", "", "of points, for --method smooth: where the scanner stood, CRS units, so that normals look there; default: normals of the points, else as neighbors agree"},
+    {"--error", "-e", "VOXELS|PXpx", "", "of a .svo file: the coarsest cells whose cubes lie within so many voxels of the finest, or, such as 1.5px, pixels of a picture"},
+    {"--camera", "", "FILE.json", "", "of --error in pixels: the camera, as render has it; default: what render shows of all"},
     {"--size", "", "WIDTHxHEIGHT", "1920x1080", "of --error in pixels: of the picture"},
     {"--labels", "", "", "", "of volumes: cubes of each value that is not 0, a color and a value 'label' of vertices for each"},
     {"--quads", "", "", "", "of cubes: each rectangle with four corners of its own, not cut where others meet it; pixels between rectangles may stay open"},
     {"--transparent", "", "LIST", "", "of cubes: colors that can be seen through, as RRGGBB:OPACITY with commas, opacity 0 to 254; what lies behind them keeps its faces"},
-    {"--attributes", "", "LIST", "", "values for the vertices, with commas, at most 16: of points names of attributes, of volumes other volume files (of the same samples, or any that fits in memory), of a .vdb file other grids (one called color, rgb or Cd makes colors). .ply and .glb keep them, and render --color shows those of a .ply"},
+    {"--attributes", "", "LIST", "", "values for the vertices, at most 16, with commas: of points attributes, of volumes other volume files, of a .vdb file other grids. .ply and .glb keep them"},
     {"--grid", "", "NAME", "", "of a .vdb file: the grid of that name; default: the first that can be read"},
     {"--dimensions", "", "XxYxZ", "", "IN is samples alone, so many along each axis, the first running fastest"},
     {"--type", "", "TYPE", "uint8", "of samples alone: int8 to int64, uint8 to uint64, float or double"},
@@ -272,7 +272,7 @@ int run(const Options& options) {
 
 Command surface_command() {
     return {.name = "surface",
-            .summary = "volumes, grids and voxels to meshes",
+            .summary = "volumes, grids, voxels and points to meshes",
             .positional = "IN...",
             .least_positional = 1,
             .rows = kRows,

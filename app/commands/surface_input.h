@@ -73,7 +73,7 @@ public:
     std::vector<std::string> notes;
 };
 
-/// Opens a volume, a grid, voxels, or with the method of cubes what voxels can be made of.
+/// Opens a volume, a grid, voxels, points, or what voxels can be made of.
 /// throws  Error{usage}: what the request asks for is not for such an input, or a volume has no isovalue; and what reading throws
 std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> words, const SurfaceRequest& request);
 
