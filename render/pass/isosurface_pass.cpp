@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -70,6 +71,12 @@ struct PictureRays {
     Sky sky;
 };
 
+// A layer of a translucent surface on a ray.
+struct RayLayer {
+    FieldHit hit;
+    int in_cell = 1;  // hits in its cell up to this one
+};
+
 // Where the rays of one tile after another meet a surface. One a thread.
 class TileHits {
 public:
@@ -95,11 +102,17 @@ public:
     }
     const FieldHit& hit(int x, int y) const { return hits_[size_t(y) * size_t(rays_.width) + size_t(x)]; }
 
-    // The next hit of a pixel's ray after one.
-    std::optional<FieldHit> hit_after(int x, int y, const FieldHit& hit, double far) {
+    // Goes from a hit of a pixel's ray to the next; t is infinite where there is none.
+    void go_on(int x, int y, RayLayer& layer, double far) {
+        const VoxelRay ray = rays_.ray(x, y);
         // So far beyond that the side on which the ray now is can be told, from far away too.
         constexpr double kBeyond = 0x1p-24, kBeyondPart = 0x1p-44;  // cells; of the distance
-        return next_hit(x, y, hit.t + std::max(kBeyond / rays_.ray(x, y).direction.cwiseAbs().maxCoeff(), kBeyondPart * hit.t), far);
+        double near = layer.hit.t;
+        if (layer.in_cell == kMostInCell) near = std::max(near, leaves(ray, layer.hit.cell));
+        near += std::max(kBeyond / ray.direction.cwiseAbs().maxCoeff(), kBeyondPart * near);
+        const FieldHit next = next_hit(x, y, near, far).value_or(FieldHit{});
+        layer.in_cell = next.cell == layer.hit.cell ? layer.in_cell % kMostInCell + 1 : 1;
+        layer.hit = next;
     }
 
     Rgba8 lit_color(int x, int y, const FieldHit& hit) const {
@@ -119,6 +132,17 @@ public:
     }
 
 private:
+    // A cubic has three roots. A ray along the surface may meet it more often, by rounding: so it comes to an end.
+    static constexpr int kMostInCell = 3;
+
+    // Where a ray leaves a cell.
+    static double leaves(const VoxelRay& ray, const std::array<int32_t, 3>& cell) {
+        double t = std::numeric_limits<double>::infinity();
+        for (int a = 0; a < 3; ++a)
+            if (const double step = ray.direction[a]; step != 0.0) t = std::min(t, (cell[size_t(a)] + (step > 0.0) - ray.origin[a]) / step);
+        return t;
+    }
+
     // From the eye.
     MeshProjection::Ray world_ray(int x, int y) const { return picture_.projection.ray(tile_.left + x + 0.5, tile_.top + y + 0.5); }
 
@@ -162,13 +186,6 @@ IsosurfacesDrawn draw_tiles(int threads, const GBuffer& out, const Make& make, c
     return drawn;
 }
 
-// A layer of a translucent surface on a ray.
-struct Layer {
-    FieldHit hit;
-    size_t surface;
-};
-
-constexpr size_t kMostLayers = 64;
 constexpr float kHidden = 1.0f / 512.0f;  // half a step of 8 bits: what lets no more light pass hides all
 
 // Layers from the eye on, over a pixel.
@@ -182,7 +199,7 @@ public:
     }
     bool hides_all() const { return passing_ < kHidden; }
     Rgba8 color() const {
-        const float hidden = 1.0f - passing_;
+        const float hidden = std::max(1.0f - passing_, 0x1p-24f);  // of a very low opacity none remains
         const Vec3f light = light_ / hidden;
         return make_rgba(srgb8_from_linear(light.x()), srgb8_from_linear(light.y()), srgb8_from_linear(light.z()), uint8_t(std::clamp(hidden * 255.0f + 0.5f, 1.0f, 255.0f)));
     }
@@ -231,30 +248,29 @@ IsosurfacesDrawn draw_translucent(std::span<const IsosurfaceModel> models, uint3
     return draw_tiles(view.threads, out, make, [&](std::vector<TileHits>& surfaces, const Tile& tile) {
         for (TileHits& surface : surfaces) surface.cast(tile, out);
         IsosurfacesDrawn drawn;
-        std::vector<Layer> layers;
+        std::vector<RayLayer> next(surfaces.size());  // of each surface
         for (int y = 0; y < int(tile.bottom - tile.top); ++y)
             for (int x = 0; x < int(tile.right - tile.left); ++x) {
+                drawn.rays += surfaces.size();
                 const size_t pixel = TileHits::pixel_of(tile, x, y, out);
                 const float depth = out.depths[pixel];
-                layers.clear();
-                for (size_t n = 0; n < surfaces.size(); ++n) {
-                    ++drawn.rays;
-                    std::optional<FieldHit> hit = surfaces[n].hit(x, y);
-                    for (size_t count = 0; count < kMostLayers && hit && float(hit->t) < depth; ++count) {
-                        layers.push_back({*hit, n});
-                        hit = surfaces[n].hit_after(x, y, *hit, double(depth));
-                    }
-                }
-                if (layers.empty()) continue;
-                std::stable_sort(layers.begin(), layers.end(), [](const Layer& a, const Layer& b) { return a.hit.t < b.hit.t; });
+                for (size_t n = 0; n < surfaces.size(); ++n) next[n] = {surfaces[n].hit(x, y)};
                 LayerLight light;
-                for (const Layer& layer : layers) {
-                    light.add(surfaces[layer.surface].lit_color(x, y, layer.hit), pictures[layer.surface]->model.opacity);
+                bool met = false;
+                for (;;) {
+                    // Of equally near ones the first.
+                    const size_t n = size_t(std::min_element(next.begin(), next.end(), [](const RayLayer& a, const RayLayer& b) { return a.hit.t < b.hit.t; }) - next.begin());
+                    const FieldHit& hit = next[n].hit;
+                    if (!(float(hit.t) < depth)) break;
+                    if (!met) set_place(pixel, float(hit.t), isosurface_id(hit.cell, drawables[n]), out);
+                    met = true;
+                    light.add(surfaces[n].lit_color(x, y, hit), pictures[n]->model.opacity);
                     if (light.hides_all()) break;
+                    surfaces[n].go_on(x, y, next[n], double(depth));
                 }
+                if (!met) continue;
                 if (alpha_of(out.colors[pixel]) > 0) light.add(out.colors[pixel], 1.0f);
                 out.colors[pixel] = light.color();
-                set_place(pixel, float(layers[0].hit.t), isosurface_id(layers[0].hit.cell, drawables[layers[0].surface]), out);
                 ++drawn.hits;
             }
         return drawn;

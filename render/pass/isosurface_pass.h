@@ -40,8 +40,8 @@ struct IsosurfacesDrawn {
 /// cost      some 0.1 to 0.3 us a pixel and thread
 IsosurfacesDrawn draw_isosurface(const IsosurfaceModel& model, uint32_t drawable, const IsosurfaceView& view, GBuffer& out);
 
-/// Draws translucent isosurfaces over all that is opaque, which must be there: each layer of each that a ray meets, at most 64, hides its part of what
-/// is behind, in linear light, from the eye on. Depth and id are those of the first layer. Over nothing a pixel's alpha is what the layers hide.
+/// Draws translucent isosurfaces over all that is opaque, which must be there: each layer of each that a ray meets hides its part of what is behind, in
+/// linear light, from the eye on, until no more than 1/512 passes. Depth and id are those of the first layer. Over nothing a pixel's alpha is what the layers hide.
 /// first  drawable of the first of the models; those that are opaque are passed over
 IsosurfacesDrawn draw_translucent(std::span<const IsosurfaceModel> models, uint32_t first, const IsosurfaceView& view, GBuffer& out);
 

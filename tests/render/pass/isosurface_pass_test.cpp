@@ -257,6 +257,33 @@ TEST(IsosurfacePass, LayersHideWhatIsBehindInTheirOrder) {
     }
 }
 
+// Walls one behind the other, each of the color of normals towards the eye: n of them let (1 - opacity)^n pass, however many they are.
+TEST(IsosurfacePass, AHundredAndMoreLayersAreSeenThrough) {
+    constexpr int kWalls = 199;
+    test::FunctionSlices source({12, kWalls + 1, 12}, [](int, int j, int) { return j % 2 == 0 ? -1.0 : 1.0; });
+    const FieldBricks field = FieldBricks::of_slices(source, uint64_t{1} << 30, 2);
+    const Vec3d middle(5.5, 100, 5.5);
+    const Camera camera = camera_from(middle + Vec3d(0, -150, 0), middle, Projection::orthographic, 30);
+    const size_t pixel = kHeight / 2 * kWidth + kWidth / 2;
+    for (const float opacity : {0.005f, 0.1f}) {
+        const std::vector<IsosurfaceModel> models = {
+            {field, {0.0, ContourInside::below}, IsosurfaceColors(field, "normal", 0, std::nullopt, {}), 2, opacity}};
+        const double passing = opacity < 0.1f ? std::pow(1.0 - double(opacity), kWalls) : 0.0;  // 0.1: 60 walls hide all
+        GBuffer alone = empty_gbuffer(), before = empty_gbuffer();
+        draw_translucent(models, 7, view_of(camera), alone);
+        EXPECT_NEAR(int(alpha_of(alone.colors[pixel])), 255.0 * (1.0 - passing), 1.0);
+        EXPECT_NEAR(alone.depths[pixel], 50.5, 1e-3);
+        before.colors[pixel] = make_rgba(200, 40, 90);
+        before.depths[pixel] = 300.0f;
+        draw_translucent(models, 7, view_of(camera), before);
+        const Rgba8 wall = alone.colors[pixel];
+        for (const auto channel : {red_of, green_of, blue_of}) {
+            const double light = (1.0 - passing) * linear_from_srgb(channel(wall) / 255.0) + passing * linear_from_srgb(channel(make_rgba(200, 40, 90)) / 255.0);
+            EXPECT_NEAR(int(channel(before.colors[pixel])), 255.0 * srgb_from_linear(light), 1.01);
+        }
+    }
+}
+
 TEST(IsosurfaceModel, BoundsAreThoseOfItsCells) {
     const FieldBricks field = sphere_field();
     const Box3d box = model_of(field).bounds;
