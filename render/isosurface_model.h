@@ -48,8 +48,8 @@ private:
 /// An isosurface as a scene has it, drawn from the field itself. The field must outlive it.
 struct IsosurfaceModel {
     /// opaque_part  in (0, 1]: how much of what is behind it hides
-    IsosurfaceModel(const FieldBricks& field, const IsoLevel& level, IsosurfaceColors painted, int threads = 1, float opaque_part = 1.0f)
-        : surface(field, level, threads), bounds(surface_bounds(surface)), colors(std::move(painted)), opacity(opaque_part) {}
+    IsosurfaceModel(FieldSurface shown, IsosurfaceColors painted, float opaque_part = 1.0f)
+        : surface(std::move(shown)), bounds(surface_bounds(surface)), colors(std::move(painted)), opacity(opaque_part) {}
 
     FieldSurface surface;
     Box3d bounds;  // of the cells that it passes through; world

@@ -147,7 +147,7 @@ std::string what_was_drawn(const SceneFiles& files, const RenderReport& report) 
     }
     if (!files.meshes.empty()) text += std::string(text.empty() ? "" : "and ") + with_commas(report.triangles_drawn) + " triangles ";
     size_t surfaces = 0;
-    for (const OpenedField& field : files.fields) surfaces += field.levels.size();
+    for (const OpenedField& field : files.fields) surfaces += field.surfaces.size();
     if (surfaces > 0) text += std::string(text.empty() ? "" : "and ") + std::to_string(surfaces) + (surfaces == 1 ? " isosurface " : " isosurfaces ");
     return text;
 }
@@ -160,7 +160,7 @@ int run(const Options& options) {
         check_output_path(options.text(flag), options.given("--overwrite"));
         check_inputs_spared(options.text(flag), files_read(options));
     }
-    const SceneFiles files = open_scene_files(options);
+    SceneFiles files = open_scene_files(options);
     const RenderRequest request = make_render_request(options, files);
     const RenderSettings& settings = request.settings;
 

@@ -308,7 +308,7 @@ std::vector<double> parse_opacities(const Options& options) {
 
 // Colors of the cloud, of the voxels and of the meshes, by one name where one is given: what does not have it shows what it does by default, but
 // something must have it.
-void choose_colors(const Options& options, const SceneFiles& files, RenderRequest& request) {
+void choose_colors(const Options& options, SceneFiles& files, RenderRequest& request) {
     RenderSettings& settings = request.settings;
     const std::string name = options.text("--color");
     std::optional<Error> refused;
@@ -352,9 +352,8 @@ void choose_colors(const Options& options, const SceneFiles& files, RenderReques
         request.scene.meshes.emplace_back(*model.mesh, std::move(*colors), parse_mesh(options), settings.threads);
     }
     const std::vector<double> opacities = parse_opacities(options);
-    for (const OpenedField& field : files.fields)
-        for (size_t n = 0; n < field.levels.size(); ++n) {
-            const IsoLevel& level = field.levels[n];
+    for (OpenedField& field : files.fields)
+        for (size_t n = 0; n < field.surfaces.size(); ++n) {
             const size_t number = request.scene.isosurfaces.size();
             std::optional<IsosurfaceColors> colors;
             try {
@@ -364,7 +363,7 @@ void choose_colors(const Options& options, const SceneFiles& files, RenderReques
                 if (!refused) refused = error;
                 colors.emplace(*field.field, "", number, settings.range, settings.colormap);
             }
-            request.scene.isosurfaces.emplace_back(*field.field, level, std::move(*colors), settings.threads, float(opacities[opacities.size() == 1 ? 0 : n]));
+            request.scene.isosurfaces.emplace_back(std::move(field.surfaces[n]), std::move(*colors), float(opacities[opacities.size() == 1 ? 0 : n]));
         }
     if (!taken && refused) throw *refused;
     request.color_name = files.cloud ? settings.color.name : !request.scene.voxels.empty() ? request.scene.voxels[0].colors.name() : !request.scene.meshes.empty() ? request.scene.meshes[0].colors.name() : request.scene.isosurfaces[0].colors.name();
@@ -423,7 +422,7 @@ void check_render_options(const Options& options) {
     memory_cap(options);
 }
 
-RenderRequest make_render_request(const Options& options, const SceneFiles& files) {
+RenderRequest make_render_request(const Options& options, SceneFiles& files) {
     RenderRequest request;
     request.scene.cloud = files.cloud.get();
     RenderSettings& settings = request.settings;

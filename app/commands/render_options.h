@@ -33,8 +33,8 @@ std::pair<uint32_t, uint32_t> parse_size(const std::string& text);
 /// Checks everything that needs no cloud, so that a wrong command line costs no reading.
 void check_render_options(const Options& options);
 
-/// Turns the options into a request for these files: views, colors and sizes that were left open are chosen from them.
+/// Turns the options into a request for these files: views, colors and sizes that were left open are chosen from them. Takes their isosurfaces.
 /// throws  Error{usage}
-RenderRequest make_render_request(const Options& options, const SceneFiles& files);
+RenderRequest make_render_request(const Options& options, SceneFiles& files);
 
 }  // namespace strata

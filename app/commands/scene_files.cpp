@@ -104,29 +104,33 @@ OpenedField open_field(const Options& options, const std::string& path, uint64_t
     const std::vector<double> isovalues = options.given("--iso") ? parse_isovalues(options.text("--iso")) : std::vector<double>();
     OpenedField opened = {path, nullptr, {}};
     ContourInside inside = ContourInside::above;
+    const int threads = thread_count(options);
     try {
         if (identify_format(path).kind == FormatKind::grids) {
             const std::unique_ptr<VdbField> grid = open_vdb_field(path, {.grid = {}, .memory_bytes = memory_bytes / 2});
             if (grid->grid().grid_class == "level set") inside = ContourInside::below;
-            opened.field = std::make_unique<FieldBricks>(FieldBricks::of_bricks(*grid, memory_bytes / 2, thread_count(options)));
+            opened.field = std::make_unique<FieldBricks>(FieldBricks::of_bricks(*grid, memory_bytes / 2, threads));
         } else {
             const std::unique_ptr<VolumeSource> volume = open_volume(path);
             if (isovalues.empty()) {
                 const VolumeRange range = volume->measure();
                 throw isovalue_expected(path, range.values > 0 ? range.min : 1.0, range.values > 0 ? range.max : 0.0);
             }
-            opened.field = std::make_unique<FieldBricks>(FieldBricks::of_slices(*volume, memory_bytes, thread_count(options)));
+            opened.field = std::make_unique<FieldBricks>(FieldBricks::of_slices(*volume, memory_bytes, threads));
+        }
+        uint64_t left = memory_bytes - std::min(memory_bytes, opened.field->size_bytes());
+        for (const double isovalue : isovalues) {
+            opened.surfaces.emplace_back(*opened.field, IsoLevel{isovalue, inside}, threads, left);
+            left -= std::min(left, size_bytes(opened.surfaces.back().cells));
         }
     } catch (const Error& error) {
         if (error.kind != ErrorKind::limit) throw;
         throw Error(ErrorKind::limit, path + ": " + error.what() + "; an isosurface is drawn from all of it in memory. --memory gives more, `strata surface` makes a mesh of any size");
     }
-    for (const double isovalue : isovalues) {
-        opened.levels.push_back({isovalue, inside});
-        if (!options.given("--quiet") && crossed_bricks(*opened.field, opened.levels.back()).empty())
+    for (const double isovalue : isovalues)
+        if (!options.given("--quiet") && count_crossed_bricks(*opened.field, {isovalue, inside}) == 0)
             std::fprintf(stderr, "note: %s: no surface at isovalue %s; values are from %s\n", path.c_str(), value_text(isovalue).c_str(),
                          values_text(opened.field->range().least, opened.field->range().greatest).c_str());
-    }
     return opened;
 }
 
@@ -156,6 +160,7 @@ SceneFiles open_scene_files(const Options& options) {
     for (const std::string& path : volumes) {
         files.fields.push_back(open_field(options, path, left));
         left -= std::min(left, files.fields.back().field->size_bytes());
+        for (const FieldSurface& surface : files.fields.back().surfaces) left -= std::min(left, size_bytes(surface.cells));
     }
     for (const std::string& path : voxels) files.voxels.push_back(open_voxels(options, path, left / kVoxelShare / voxels.size()));
     for (const OpenedVoxels& model : files.voxels) left -= std::min(left, size_bytes(*model.tree));

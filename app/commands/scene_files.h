@@ -28,7 +28,7 @@ struct OpenedMesh {
 struct OpenedField {
     std::string path;
     std::unique_ptr<FieldBricks> field;
-    std::vector<IsoLevel> levels;
+    std::vector<FieldSurface> surfaces;
 };
 
 /// What the words of `strata render` hold: files of points or a level-of-detail set make one cloud, each voxel file and each mesh is a model; volumes, and

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cstring>
+#include <string>
 #include <utility>
 
+#include "core/error.h"
 #include "core/math/morton.h"
 #include "core/parallel.h"
 #include "core/surface/sample_masks.h"
@@ -74,10 +76,8 @@ VoxelFrame frame_of(const FieldBricks& field) {
     return frame;
 }
 
-}  // namespace
-
-std::vector<std::array<int32_t, 3>> crossed_bricks(const FieldBricks& field, const IsoLevel& level) {
-    std::vector<std::array<int32_t, 3>> crossed;
+template <class Use>
+void for_crossed_bricks(const FieldBricks& field, const IsoLevel& level, const Use& use) {
     const auto [ni, nj, nk] = field.bricks();
     for (int32_t k = 0; k < nk; ++k)
         for (int32_t j = 0; j < nj; ++j)
@@ -85,19 +85,35 @@ std::vector<std::array<int32_t, 3>> crossed_bricks(const FieldBricks& field, con
                 const FieldRange& range = field.range_of(i, j, k);
                 if (level.inside == ContourInside::above ? range.least < level.isovalue && range.greatest >= level.isovalue
                                                          : range.least <= level.isovalue && range.greatest > level.isovalue)
-                    crossed.push_back({i, j, k});
+                    use(std::array<int32_t, 3>{i, j, k});
             }
-    return crossed;
 }
 
-VoxelTree surface_cells(const FieldBricks& field, const IsoLevel& level, int threads, SimdLevel simd) {
+void check_memory(uint64_t needed, uint64_t memory_bytes) {
+    if (needed > memory_bytes)
+        throw Error(ErrorKind::limit, "the cells of a surface need " + std::to_string(needed) + " bytes of memory, " + std::to_string(memory_bytes) + " are left");
+}
+
+}  // namespace
+
+uint64_t count_crossed_bricks(const FieldBricks& field, const IsoLevel& level) {
+    uint64_t count = 0;
+    for_crossed_bricks(field, level, [&](const std::array<int32_t, 3>&) { ++count; });
+    return count;
+}
+
+VoxelTree surface_cells(const FieldBricks& field, const IsoLevel& level, int threads, uint64_t memory_bytes, SimdLevel simd) {
     VoxelTree tree;
     tree.frame = frame_of(field);
     const bool below = level.inside == ContourInside::below;
     const float bound = level_of(level.isovalue, below);
     std::vector<std::pair<uint64_t, std::array<int32_t, 3>>> bricks;  // by code
-    for (const std::array<int32_t, 3>& brick : crossed_bricks(field, level))
+    const uint64_t crossed = count_crossed_bricks(field, level), brick_bytes = crossed * (sizeof bricks[0] + sizeof(BlockMasks));
+    check_memory(brick_bytes, memory_bytes);
+    bricks.reserve(size_t(crossed));
+    for_crossed_bricks(field, level, [&](const std::array<int32_t, 3>& brick) {
         bricks.emplace_back(octant_code(uint32_t(brick[0]), uint32_t(brick[1]), uint32_t(brick[2])), brick);
+    });
     std::sort(bricks.begin(), bricks.end());
     std::vector<BlockMasks> masks(bricks.size());
     parallel_blocks(threads, bricks.size(), 64, [&](size_t begin, size_t end) {
@@ -108,12 +124,19 @@ VoxelTree surface_cells(const FieldBricks& field, const IsoLevel& level, int thr
     std::vector<uint64_t> codes;
     tree.levels.resize(size_t(tree.frame.levels));
     std::vector<uint64_t>& last = tree.levels.back().masks;
+    size_t blocks = 0;
+    for (const BlockMasks& brick : masks) blocks += size_t(8 - std::count(brick.begin(), brick.end(), 0));
+    check_memory(brick_bytes + blocks * (sizeof codes[0] + sizeof last[0]), memory_bytes);
+    codes.reserve(blocks);
+    last.reserve(blocks);
     for (size_t n = 0; n < bricks.size(); ++n)
         for (uint64_t block = 0; block < 8; ++block)
             if (masks[n][block] != 0) {
                 codes.push_back(bricks[n].first << 3 | block);
                 last.push_back(masks[n][block]);
             }
+    bricks = {};
+    masks = {};  // the levels above take less
     for (size_t number = tree.levels.size() - 1; number > 0; --number) {
         std::vector<uint64_t>& above = tree.levels[number - 1].masks;
         size_t count = 0;

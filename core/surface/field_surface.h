@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "core/math/box.h"
@@ -18,17 +19,20 @@ struct IsoLevel {
     ContourInside inside = ContourInside::above;
 };
 
-/// The bricks that an isosurface may pass through.
-std::vector<std::array<int32_t, 3>> crossed_bricks(const FieldBricks& field, const IsoLevel& level);
+/// Bricks that an isosurface may pass through.
+uint64_t count_crossed_bricks(const FieldBricks& field, const IsoLevel& level);
 
 /// The cells that an isosurface passes through: those with corners on both sides, and none that is missing. As voxels of an octree, so
 /// that rays leap over all others; cell (x, y, z) of the field is voxel (x, y, z) of a frame of unit size.
-/// cost  a glance at every brick, and some 0.4 us for each of crossed_bricks and thread; a byte a cell or less
-VoxelTree surface_cells(const FieldBricks& field, const IsoLevel& level, int threads, SimdLevel simd = best_simd_level());
+/// memory_bytes  for what is made, and what is needed while it is: some 100 to 200 bytes for each brick that is crossed
+/// throws  Error{limit}: more is needed
+/// cost    a glance at every brick, and some 0.4 us for such brick and thread; a byte a cell or less
+VoxelTree surface_cells(const FieldBricks& field, const IsoLevel& level, int threads, uint64_t memory_bytes, SimdLevel simd = best_simd_level());
 
 /// An isosurface made ready for rays: made anew for another isovalue, which is quick. The field must outlive it.
 struct FieldSurface {
-    FieldSurface(const FieldBricks& of, const IsoLevel& at, int threads = 1) : field(&of), level(at), cells(surface_cells(of, at, threads)) {}
+    FieldSurface(const FieldBricks& of, const IsoLevel& at, int threads = 1, uint64_t memory_bytes = std::numeric_limits<uint64_t>::max())
+        : field(&of), level(at), cells(surface_cells(of, at, threads, memory_bytes)) {}
 
     bool empty() const { return cells.empty(); }
 

@@ -174,6 +174,14 @@ TEST_F(RenderIsosurface, WrongWordsAreRefused) {
     const ProgramResult little = render({file("bells.mha"), "--iso", "50", "--memory", "200K", "-o", file("none.png")});
     EXPECT_EQ(little.exit_code, 1);
     EXPECT_NE(little.err.find("bytes of memory"), std::string::npos) << little.err;
+    // The samples fit, the cells of a surface fit, those of two hundred do not.
+    std::string many = "50";
+    for (int number = 1; number < 200; ++number) many += "," + std::to_string(50.0 + 0.1 * number);
+    EXPECT_EQ(render({file("bells.mha"), "--iso", "50", "--memory", "374000", "-o", file("fits.png")}).exit_code, 0);
+    const ProgramResult many_surfaces = render({file("bells.mha"), "--iso", many, "--memory", "374000", "-o", file("none.png")});
+    EXPECT_EQ(many_surfaces.exit_code, 1);
+    EXPECT_NE(many_surfaces.err.find("bells.mha: the cells of a surface need"), std::string::npos) << many_surfaces.err;
+    EXPECT_NE(many_surfaces.err.find("--memory gives more"), std::string::npos) << many_surfaces.err;
     EXPECT_FALSE(fs::exists(file("none.png")));
     const ProgramResult beyond = render({file("bells.mha"), "--iso", "1e6", "-o", file("beyond.png")});
     EXPECT_EQ(beyond.exit_code, 0);

@@ -5,8 +5,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <vector>
 
+#include "core/error.h"
 #include "core/math/random.h"
 #include "core/surface/field_rays.h"
 #include "tests/support/field_source.h"
@@ -60,11 +62,11 @@ TEST(FieldSurface, CellsHaveCornersOnBothSides) {
         const FieldBricks field = FieldBricks::of_slices(source, kAmple, 2);
         // A value of samples, one between two, and one that few reach.
         const IsoLevel level = {round % 4 == 0 ? 1.0 : round % 4 == 1 ? 0.5 : 2.0 - 1e-9, round % 2 == 0 ? ContourInside::above : ContourInside::below};
-        const VoxelTree tree = surface_cells(field, level, 1);
+        const VoxelTree tree = surface_cells(field, level, 1, kAmple);
         expect_cells(field, level, tree);
         cells += count_voxels(tree);
         for (const SimdLevel simd : simd_levels()) {
-            const VoxelTree other = surface_cells(field, level, 3, simd);
+            const VoxelTree other = surface_cells(field, level, 3, kAmple, simd);
             for (size_t n = 0; n < tree.levels.size(); ++n) {
                 EXPECT_EQ(tree.levels[n].masks, other.levels[n].masks);
                 EXPECT_EQ(tree.levels[n].first_child, other.levels[n].first_child);
@@ -84,10 +86,31 @@ TEST(FieldSurface, CellsBesideBricks) {
         [](int i, int j, int k) { return double((i * 7 + j * 5 + k * 3) % 6 == 0); });
     source.set_absent([](int i, int, int) { return i < 0 ? -1.0 : 1.0; });
     const FieldBricks field = FieldBricks::of_bricks(source, kAmple, 2);
-    const VoxelTree tree = surface_cells(field, {0.5}, 2);
+    const VoxelTree tree = surface_cells(field, {0.5}, 2, kAmple);
     expect_cells(field, {0.5}, tree);
     EXPECT_GT(count_voxels(tree), 1000u);
-    EXPECT_TRUE(surface_cells(field, {1e9}, 2).empty());
+    EXPECT_TRUE(surface_cells(field, {1e9}, 2, kAmple).empty());
+}
+
+// 88 bytes a brick for what is crossed in it, then 16 for each block of 4^3 cells with any.
+TEST(FieldSurface, CellsKeepToTheirMemory) {
+    FunctionSlices source({60, 50, 40}, [](int i, int j, int k) { return (Vec3d(i, j, k) - Vec3d(30, 25, 20)).norm(); });
+    const FieldBricks field = FieldBricks::of_slices(source, kAmple, 2);
+    const IsoLevel level = {15.0, ContourInside::below};
+    const VoxelTree tree = surface_cells(field, level, 2, kAmple);
+    const uint64_t bricks = count_crossed_bricks(field, level), first = 88 * bricks, needed = first + 16 * tree.levels.back().masks.size();
+    EXPECT_GT(bricks, 50u);
+    EXPECT_EQ(surface_cells(field, level, 2, needed).levels.back().masks, tree.levels.back().masks);
+    for (const uint64_t memory_bytes : {uint64_t{0}, first - 1, needed - 1}) {
+        try {
+            surface_cells(field, level, 2, memory_bytes);
+            ADD_FAILURE() << memory_bytes;
+        } catch (const Error& error) {
+            EXPECT_EQ(error.kind, ErrorKind::limit);
+            const std::string text = "the cells of a surface need " + std::to_string(memory_bytes < first ? first : needed) + " bytes of memory, " + std::to_string(memory_bytes) + " are left";
+            EXPECT_EQ(error.what(), text);
+        }
+    }
 }
 
 // Rays of a tile, of each instruction set, find what each finds alone, to the last bit.

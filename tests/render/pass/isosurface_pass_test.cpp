@@ -38,7 +38,7 @@ FieldBricks sphere_field(const GridPlacement& placement = {}) {
 }
 
 IsosurfaceModel model_of(const FieldBricks& field, const char* color = "plain") {
-    return {field, {0.0, ContourInside::below}, IsosurfaceColors(field, color, 0, std::nullopt, {})};
+    return {{field, {0.0, ContourInside::below}}, IsosurfaceColors(field, color, 0, std::nullopt, {})};
 }
 
 Camera camera_from(const Vec3d& eye, const Vec3d& target, Projection projection, double height) {
@@ -102,7 +102,7 @@ TEST(IsosurfacePass, AgreesWithTheMesh) {
     for (size_t i = 0; i < contour.positions.size(); ++i) mesh.positions.push_back(contour.origin + contour.positions[i].cast<double>());
     for (size_t i = 0; i < contour.triangles.size(); ++i) mesh.triangles.push_back(contour.triangles[i]);
     const MeshModel mesh_model(mesh, MeshColors(mesh, "plain", std::nullopt, {}));
-    const IsosurfaceModel iso_model = {field, {0.2, ContourInside::above}, IsosurfaceColors(field, "plain", 0, std::nullopt, {})};
+    const IsosurfaceModel iso_model = {{field, {0.2, ContourInside::above}}, IsosurfaceColors(field, "plain", 0, std::nullopt, {})};
     Random random(3);
     size_t covered = 0, differ = 0, apart = 0;
     for (int round = 0; round < 6; ++round) {
@@ -195,7 +195,7 @@ TEST(IsosurfacePass, LayersHideWhatIsBehindInTheirOrder) {
     const Camera camera = camera_from(kMiddle + Vec3d(0, -50, 0), kMiddle, Projection::orthographic, 30);
     std::vector<IsosurfaceModel> models;
     for (const double radius : {0.0, -6.0})
-        models.emplace_back(field, IsoLevel{radius, ContourInside::below}, IsosurfaceColors(field, "normal", 0, std::nullopt, {}), 2, radius == 0.0 ? 0.5f : 0.25f);
+        models.emplace_back(FieldSurface(field, {radius, ContourInside::below}), IsosurfaceColors(field, "normal", 0, std::nullopt, {}), radius == 0.0 ? 0.5f : 0.25f);
     // Opaque surfaces by themselves: the front, and the back by cutting the front away.
     const std::vector<ClipBox> cut = {{.box = {.min = Vec3d(-100, -100, -100), .max = Vec3d(100, kMiddle.y(), 100)}, .action = ClipBox::Action::remove}};
     std::array<GBuffer, 4> sides;  // outer front, inner front, inner back, outer back
@@ -267,7 +267,7 @@ TEST(IsosurfacePass, AHundredAndMoreLayersAreSeenThrough) {
     const size_t pixel = kHeight / 2 * kWidth + kWidth / 2;
     for (const float opacity : {0.005f, 0.1f}) {
         const std::vector<IsosurfaceModel> models = {
-            {field, {0.0, ContourInside::below}, IsosurfaceColors(field, "normal", 0, std::nullopt, {}), 2, opacity}};
+            {{field, {0.0, ContourInside::below}}, IsosurfaceColors(field, "normal", 0, std::nullopt, {}), opacity}};
         const double passing = opacity < 0.1f ? std::pow(1.0 - double(opacity), kWalls) : 0.0;  // 0.1: 60 walls hide all
         GBuffer alone = empty_gbuffer(), before = empty_gbuffer();
         draw_translucent(models, 7, view_of(camera), alone);
