@@ -14,6 +14,7 @@ namespace strata {
 namespace {
 
 using std::numbers::pi;
+using test::StoreInMemory;
 
 TriangleMesh tetrahedron() {
     TriangleMesh mesh;
@@ -196,7 +197,7 @@ TEST(SurfaceReport, RandomClosedMeshes) {
 // A tall tube in pieces of one ring each, far more than pages and runs: what is said of it is as if it came at once.
 TEST(MeasuredSurface, ASurfaceInPiecesIsMeasuredAsOne) {
     constexpr uint32_t kAround = 512, kRings = 1200;
-    test::StoreInMemory scratch;
+    StoreInMemory scratch;
     MeasuredSurface measured(nullptr, &scratch, 0);
     for (uint32_t ring = 0; ring < kRings; ++ring) {
         std::vector<Vec3f> positions;
@@ -233,28 +234,6 @@ TEST(MeasuredSurface, ASurfaceInPiecesIsMeasuredAsOne) {
     EXPECT_EQ(measured.positions()[5 * kAround], Vec3d(1001, 0, 5)) << "from a page that was put away";
 }
 
-// Quads with corners of their own: every edge stays open. One of late costs 32 bytes, its vertex's, an earlier one a half-full slot of 9
-// bytes or a quarter-full one; the first runs are all of late.
-TEST(EdgeTable, TakesAtMostFourSlotsForAnOpenEdge) {
-    EdgeTable edges(false);
-    double most = 0.0;
-    constexpr uint32_t kQuads = 500'000;
-    for (uint32_t first = 0; first < 4 * kQuads;) {
-        edges.add_vertices(4'000);
-        for (const uint32_t end = first + 4'000; first < end; first += 4) {
-            for (uint32_t i = 0; i < 4; ++i) edges.add(first + i, first + (i + 1) % 4);
-            edges.face_done();
-        }
-        if (first >= 600'000) most = std::max(most, double(edges.memory_bytes()) / first);
-    }
-    EXPECT_GT(most, 0.75 * 24.0);  // of a star for one or two edges
-    EXPECT_LE(most, 36.0);
-    const EdgeCounts counts = edges.count();
-    EXPECT_EQ(counts.edges, 4u * kQuads);
-    EXPECT_EQ(counts.boundary, 4u * kQuads);
-    EXPECT_EQ(counts.open, 4u * kQuads);
-}
-
 // A closed surface, then one with edges of one to nine faces as well, whose faces come in any order: what is put away in a little memory is
 // joined to what it is in a large one. Of the closed one no edge has a third face, so that those with two may be forgotten.
 TEST(MeasuredSurface, FacesInAnyOrderThroughLittleMemory) {
@@ -274,7 +253,7 @@ TEST(MeasuredSurface, FacesInAnyOrderThroughLittleMemory) {
         EXPECT_EQ(whole.nonmanifold_edges > 50, !is_closed);
         for (const bool keep_edges : {false, true}) {
             if (!keep_edges && !is_closed) continue;  // it may miss a third face
-            test::StoreInMemory scratch;
+            StoreInMemory scratch;
             MeasuredSurface measured(nullptr, &scratch, 60'000, keep_edges);
             std::vector<Vec3f> positions;
             for (const Vec3d& p : mesh.positions) positions.push_back(p.cast<float>());
@@ -306,7 +285,7 @@ TEST(MeasuredSurface, FacesInAnyOrderThroughLittleMemory) {
 // Roofs of two triangles, each with a gutter of two more that comes long after: the ridge has four faces then, as an edge along which two cubes
 // touch.
 TEST(MeasuredSurface, FacesThatComeLateToAnEdgeAreSeen) {
-    test::StoreInMemory scratch;
+    StoreInMemory scratch;
     MeasuredSurface measured(nullptr, &scratch, 300'000, true);
     constexpr uint32_t kRoofs = 20'000;
     for (uint32_t roof = 0; roof < kRoofs; ++roof) {
@@ -330,28 +309,6 @@ TEST(MeasuredSurface, FacesThatComeLateToAnEdgeAreSeen) {
     EXPECT_EQ(report.edges, 9u * kRoofs);
     EXPECT_EQ(report.components, kRoofs);
     EXPECT_EQ(report.euler_characteristic, int64_t{kRoofs});  // 6 - 9 + 4 each
-}
-
-// Quads with corners of their own: every edge stays open, and what does not fit is put away.
-TEST(EdgeTable, KeepsToItsMemory) {
-    test::StoreInMemory scratch;
-    ScratchRoom room(scratch);
-    constexpr uint64_t kMemory = 1 << 20;
-    EdgeTable edges(false, &room, kMemory);
-    constexpr uint32_t kQuads = 200'000, kPiece = 400;
-    for (uint32_t first = 0; first < 4 * kQuads;) {
-        edges.add_vertices(kPiece);
-        for (const uint32_t end = first + kPiece; first < end; first += 4) {
-            for (uint32_t i = 0; i < 4; ++i) edges.add(first + i, first + (i + 1) % 4);
-            edges.face_done();
-        }
-        ASSERT_LE(edges.memory_bytes(), kMemory + 2 * 32 * kPiece);
-    }
-    const EdgeCounts counts = edges.count();
-    EXPECT_EQ(counts.edges, 4u * kQuads);
-    EXPECT_EQ(counts.boundary, 4u * kQuads);
-    EXPECT_EQ(counts.open, 4u * kQuads);
-    EXPECT_EQ(scratch.size(), 9u * 4 * kQuads);  // each once
 }
 
 // A third face at an edge is seen while the edge is not forgotten.
