@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <numbers>
 #include <tuple>
 
@@ -369,6 +370,14 @@ void choose_colors(const Options& options, SceneFiles& files, RenderRequest& req
     request.color_name = files.cloud ? settings.color.name : !request.scene.voxels.empty() ? request.scene.voxels[0].colors.name() : !request.scene.meshes.empty() ? request.scene.meshes[0].colors.name() : request.scene.isosurfaces[0].colors.name();
 }
 
+// Whether more than one isosurface of a field is drawn: of two one is inside of the other.
+bool has_nested_surfaces(const Scene& scene) {
+    std::map<const FieldBricks*, size_t> surfaces;
+    for (const IsosurfaceModel& model : scene.isosurfaces)
+        if (!model.surface.empty() && ++surfaces[model.surface.field] > 1) return true;
+    return false;
+}
+
 // The picture is a PNG whatever it is called; a name that says otherwise misleads whoever opens it.
 bool is_png_name(const std::string& path) {
     std::string ending = std::filesystem::path(path).extension().string();
@@ -456,6 +465,8 @@ RenderRequest make_render_request(const Options& options, SceneFiles& files) {
         if (options.given(flag) && files.meshes.empty() && !request.quiet)
             std::fprintf(stderr, "note: %s is for triangles of meshes, and there are none%s\n", std::string(flag).c_str(),
                          files.fields.empty() ? "" : "; `strata surface` makes one of an isosurface");
+    if (!options.given("--opacity") && !request.quiet && has_nested_surfaces(request.scene))
+        std::fprintf(stderr, "note: isosurfaces hide those inside of them; --opacity 0.3 lets all be seen through, a list such as 0.3,1 has a number for each\n");
 
     settings.samples = uint32_t(options.integer("--samples", 1, kMostSamples));
     settings.time_budget_ms = options.number("--time-budget");

@@ -140,6 +140,24 @@ TEST_F(RenderIsosurface, StatisticsAndNotes) {
     EXPECT_EQ(render({file("bells.mha"), "--iso", "30", "-o", file("two.png"), "--wireframe", "--quiet"}).err, "");
 }
 
+TEST_F(RenderIsosurface, WhatHidesOthersIsSaidOnce) {
+    const std::string said = "note: isosurfaces hide those inside of them; --opacity 0.3";
+    const std::string err = render({file("bells.mha"), "--iso", "30,60,90", "-o", file("nested.png")}).err;
+    ASSERT_NE(err.find(said), std::string::npos) << err;
+    EXPECT_EQ(err.find(said, err.find(said) + 1), std::string::npos) << err;
+    const auto says = [&](std::vector<std::string> words) {
+        words.insert(words.begin(), file("bells.mha"));
+        words.insert(words.end(), {"-o", file("nested.png")});
+        const ProgramResult result = render(words);
+        EXPECT_EQ(result.exit_code, 0) << result.err;
+        return result.err.find(said) != std::string::npos;
+    };
+    EXPECT_FALSE(says({"--iso", "30"}));
+    EXPECT_FALSE(says({"--iso", "30,1e6"}));  // of which there is one
+    EXPECT_FALSE(says({"--iso", "30,60", "--opacity", "1"}));
+    EXPECT_FALSE(says({"--iso", "30,60", "--quiet"}));
+}
+
 // Views are framed around the surface and what clip boxes leave of it, not around the grid.
 TEST_F(RenderIsosurface, ViewsAreFramedAroundTheSurface) {
     const auto rows_and_columns = [&](std::vector<std::string> words) {
