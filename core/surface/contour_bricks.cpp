@@ -13,14 +13,13 @@
 #include "core/surface/brick_emitter.h"
 #include "core/surface/brick_layers.h"
 #include "core/surface/contour.h"
+#include "core/surface/piece_buffer.h"
 
 namespace strata {
 namespace {
 
 constexpr int kSide = kFieldBrickSide;
-constexpr size_t kBlock = 32;    // bricks that a thread takes at a time
-constexpr uint64_t kPieces = 8;  // a part of the memory is for a piece, since what takes it keeps some of it; at most:
-constexpr uint64_t kMostPieceBytes = uint64_t{64} << 20;
+constexpr size_t kBlock = 32;  // bricks that a thread takes at a time
 
 // Numbers vertices and triangles of a layer after those of the layers before, and tells how many there are before a part.
 class Numbering {
@@ -73,8 +72,8 @@ private:
 
 class BrickContour {
 public:
-    /// sink  or none: all is kept in `mesh`, else the piece that was made last
-    BrickContour(FieldBrickSource& source, const ContourSettings& settings, SurfaceSink* sink, ContourMesh& mesh)
+    /// sink, mesh  one of them, null the other: pieces go on, or all is kept
+    BrickContour(FieldBrickSource& source, const ContourSettings& settings, SurfaceSink* sink, ContourMesh* mesh)
         : source_(source),
           settings_(settings),
           sink_(sink),
@@ -83,7 +82,7 @@ public:
           window_(source, settings, levels_, [this](uint64_t bytes, bool must) { make_room(bytes, must); }),
           counter_(source, settings, levels_, [this](uint64_t bytes, bool must) { make_room(bytes, must); }),
           emitter_(source, settings, levels_, window_),
-          vertex_bytes_(sizeof(Vec3f) * (settings.normals ? 2 : 1) + (settings.colors.empty() ? 0 : sizeof settings.colors[0])) {
+          piece_(settings) {
         if (!settings.colors.empty() && settings.colors.size() != settings.isovalues.size())
             throw Error(ErrorKind::usage, std::to_string(settings.isovalues.size()) + " isovalues have " +
                                               std::to_string(settings.colors.size()) + " colors");
@@ -95,7 +94,8 @@ public:
         if (window_.empty()) return report_;
         const std::array<int32_t, 3> start = {window_.first().corners[0][0], window_.first().corners[0][1], window_.first().k};
         emitter_.set_start(start);
-        mesh_.origin = source_.placement().world_from_index(Vec3d(start[0], start[1], start[2]));
+        origin_ = source_.placement().world_from_index(Vec3d(start[0], start[1], start[2]));
+        if (mesh_ != nullptr) mesh_->origin = origin_;
 
         for (int32_t k = start[2] - kSide;;) {
             window_.read_to(k + 2 * kSide);
@@ -142,7 +142,7 @@ private:
         const NumberedCells layer = {.cells = cells, .layers = layers_at(cells.k), .above = above, .around = &around_};
         std::optional<NumberedCells> next;
         if (above != nullptr) next.emplace(NumberedCells{.cells = *above, .layers = layers_at(above->k)});
-        const bool is_whole = sink_ == nullptr || piece_bytes(numbers.vertices(), numbers.triangles()) <= room_for_piece();
+        const bool is_whole = sink_ == nullptr || piece_.bytes_of(numbers.vertices(), numbers.triangles()) <= room_for_piece();
         if (is_whole) pass_on_whole(numbers, layer, next);
         else pass_on_parts(numbers, layer, next);
         report_.vertices = numbers.end();
@@ -179,17 +179,17 @@ private:
     void pass_on_parts(const Numbering& numbers, const NumberedCells& layer, const std::optional<NumberedCells>& next) {
         uint64_t largest = 0;  // a part
         for (size_t part = 0; part < numbers.vertex_parts(); ++part)
-            largest = std::max(largest, piece_bytes(numbers.vertices_before(part + 1) - numbers.vertices_before(part), 0));
+            largest = std::max(largest, piece_.bytes_of(numbers.vertices_before(part + 1) - numbers.vertices_before(part), 0));
         for (size_t part = 0; part < numbers.triangle_parts(); ++part)
-            largest = std::max(largest, piece_bytes(0, numbers.triangles_before(part + 1) - numbers.triangles_before(part)));
+            largest = std::max(largest, piece_.bytes_of(0, numbers.triangles_before(part + 1) - numbers.triangles_before(part)));
         if (largest > room_for_piece()) make_room(largest, true);
         const uint64_t most = std::max(largest, room_for_piece());
 
         const size_t late = layer.cells.parts.size();
         const auto vertices = [&](size_t part) { return numbers.vertices_before(part); };
         // Others may keep more for a vertex than this: about as many come as with their triangles.
-        const uint64_t vertex_bytes = piece_bytes(1, 2);
-        for_pieces(numbers.vertex_parts(), vertices, vertex_bytes, most, [&](size_t first, size_t end) {
+        const uint64_t vertex_bytes = piece_.bytes_of(1, 2);
+        PieceBuffer::for_pieces(numbers.vertex_parts(), vertices, vertex_bytes, most, [&](size_t first, size_t end) {
             const uint64_t count = vertices(end) - vertices(first);
             BrickTarget out = room_for(count, 0);
             out.first_vertex = report_.vertices + vertices(first);
@@ -208,9 +208,8 @@ private:
             color_vertices(numbers, layer, next, first, end);
             hand_on(count, 0);
         });
-        colors_.clear();
         const auto triangles = [&](size_t part) { return numbers.triangles_before(part); };
-        for_pieces(numbers.triangle_parts(), triangles, piece_bytes(0, 1), most, [&](size_t first, size_t end) {
+        PieceBuffer::for_pieces(numbers.triangle_parts(), triangles, piece_.bytes_of(0, 1), most, [&](size_t first, size_t end) {
             const uint64_t count = triangles(end) - triangles(first);
             BrickTarget out = room_for(0, count);
             out.positions = out.normals = nullptr;
@@ -222,25 +221,14 @@ private:
         });
     }
 
-    // Calls with as many parts as fit, at least one.
-    template <typename Before, typename Use>
-    static void for_pieces(size_t parts, const Before& before, uint64_t each, uint64_t most_bytes, const Use& use) {
-        for (size_t first = 0, end; first < parts; first = end) {
-            end = first + 1;
-            while (end < parts && (before(end + 1) - before(first)) * each <= most_bytes) ++end;
-            if (before(end) > before(first)) use(first, end);
-        }
-    }
-
     // Of some parts of a piece.
     void color_vertices(const Numbering& numbers, const NumberedCells& layer, const std::optional<NumberedCells>& next, size_t first,
                         size_t end) {
-        colors_.clear();
         if (settings_.colors.empty()) return;
         const size_t late = layer.cells.parts.size();
         for (size_t part = first; part < end; ++part) {
             const size_t isovalue = numbers.is_early(part) ? (part - late) / next->cells.bricks() : part / layer.cells.bricks();
-            colors_.resize(size_t(numbers.vertices_before(part + 1) - numbers.vertices_before(first)), settings_.colors[isovalue]);
+            piece_.add_colors(numbers.vertices_before(part + 1) - numbers.vertices_before(part), isovalue);
         }
     }
 
@@ -250,45 +238,18 @@ private:
         report_.largest_shift_cells = std::max(report_.largest_shift_cells, cuts.largest_shift);
     }
 
-    void hand_on(uint64_t vertices, uint64_t triangles) {
-        sink_->add({.origin = mesh_.origin,
-                    .positions = {mesh_.positions.data(), size_t(vertices)},
-                    .normals = {mesh_.normals.data(), settings_.normals ? size_t(vertices) : 0},
-                    .colors = colors_,
-                    .triangles = {mesh_.triangles.data(), size_t(triangles)},
-                    .quads = {}});
-    }
+    void hand_on(uint64_t vertices, uint64_t triangles) { piece_.hand_on(origin_, vertices, triangles, *sink_); }
 
-    uint64_t piece_bytes(uint64_t vertices, uint64_t triangles) const { return vertices * vertex_bytes_ + triangles * sizeof mesh_.triangles[0]; }
-
-    // After what came before, where all is kept; else in the memory of pieces before, if it does not take more than one may.
+    // After what came before, where all is kept.
     BrickTarget room_for(uint64_t vertices, uint64_t triangles) {
-        BrickTarget out;
-        if (sink_ == nullptr) {
-            mesh_.positions.resize(size_t(report_.vertices + vertices));
-            if (settings_.normals) mesh_.normals.resize(mesh_.positions.size());
-            mesh_.triangles.resize(size_t(report_.triangles + triangles));
-            out.triangles = mesh_.triangles.data() + report_.triangles;
-        } else {
-            const uint64_t most_vertices = std::max<uint64_t>(vertices, mesh_.positions.size()), most_triangles = std::max<uint64_t>(triangles, mesh_.triangles.size());
-            if (piece_bytes(most_vertices, most_triangles) > room_for_piece()) drop_piece();
-            grow(mesh_.positions, vertices);
-            if (settings_.normals) grow(mesh_.normals, vertices);
-            grow(mesh_.triangles, triangles);
-            out.triangles = mesh_.triangles.data();
+        if (sink_ != nullptr) {
+            piece_.make_room(vertices, triangles, room_for_piece());
+            return {.positions = piece_.positions(), .normals = piece_.normals(), .triangles = piece_.triangles()};
         }
-        out.positions = mesh_.positions.data();
-        out.normals = settings_.normals ? mesh_.normals.data() : nullptr;
-        return out;
-    }
-    template <typename T>
-    static void grow(LargeArray<T>& array, uint64_t size) {
-        if (array.size() < size) array = LargeArray<T>(size_t(size));
-    }
-    void drop_piece() {
-        mesh_.positions = {};
-        mesh_.normals = {};
-        mesh_.triangles = {};
+        mesh_->positions.resize(size_t(report_.vertices + vertices));
+        if (settings_.normals) mesh_->normals.resize(mesh_->positions.size());
+        mesh_->triangles.resize(size_t(report_.triangles + triangles));
+        return {.positions = mesh_->positions.data(), .normals = settings_.normals ? mesh_->normals.data() : nullptr, .triangles = mesh_->triangles.data() + report_.triangles};
     }
 
     // By layers and their cells.
@@ -298,24 +259,23 @@ private:
             if (*cells) bytes += (*cells)->bytes() + (*cells)->bricks() * sizeof around_[0];
         return bytes;
     }
-    uint64_t bytes_of_piece() const { return sink_ != nullptr ? piece_bytes(mesh_.positions.size(), mesh_.triangles.size()) : 0; }
 
     uint64_t room_for_piece() const {
         const uint64_t held = bytes_held();
-        return std::min({settings_.memory_bytes / kPieces, kMostPieceBytes, settings_.memory_bytes - std::min(held, settings_.memory_bytes)});
+        return PieceBuffer::most_bytes(settings_, settings_.memory_bytes - std::min(held, settings_.memory_bytes));
     }
 
     // Reads the next layer while this one's surface is made.
     void read_ahead() {
-        const uint64_t held = bytes_held() + bytes_of_piece();
+        const uint64_t held = bytes_held() + piece_.bytes();
         if (held <= settings_.memory_bytes) window_.read_ahead(settings_.memory_bytes - held);
     }
 
     // Before memory is taken.
     void make_room(uint64_t more, bool must) {
-        const auto fits = [&] { return bytes_held() + bytes_of_piece() + more <= settings_.memory_bytes; };
+        const auto fits = [&] { return bytes_held() + piece_.bytes() + more <= settings_.memory_bytes; };
         if (fits()) return;
-        if (sink_ != nullptr) drop_piece();
+        piece_.drop();
         if (fits() || !must) return;
         window_.drop_spare();
         if (!fits())
@@ -327,16 +287,16 @@ private:
     FieldBrickSource& source_;
     const ContourSettings& settings_;
     SurfaceSink* sink_;
-    ContourMesh& mesh_;
+    ContourMesh* mesh_;
     BrickLevels levels_;
     BrickLayerWindow window_;
     BrickCellCounter counter_;
     BrickEmitter emitter_;
-    uint64_t vertex_bytes_;
+    PieceBuffer piece_;
+    Vec3d origin_ = Vec3d::Zero();
 
     std::optional<BrickCells> cells_, above_;  // of the layer that is passed on, and of the next
     std::vector<AroundBrick> around_;          // of the cells passed on
-    std::vector<std::array<uint8_t, 4>> colors_;
     std::mutex mutex_;
     ContourReport report_;
 };
@@ -344,13 +304,12 @@ private:
 }  // namespace
 
 ContourReport contour_bricks(FieldBrickSource& source, const ContourSettings& settings, SurfaceSink& sink) {
-    ContourMesh piece;
-    return BrickContour(source, settings, &sink, piece).run();
+    return BrickContour(source, settings, &sink, nullptr).run();
 }
 
 ContourReport contour_bricks(FieldBrickSource& source, const ContourSettings& settings, ContourMesh& out) {
     out = {};
-    return BrickContour(source, settings, nullptr, out).run();
+    return BrickContour(source, settings, nullptr, &out).run();
 }
 
 }  // namespace strata

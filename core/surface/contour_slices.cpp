@@ -5,14 +5,13 @@
 
 #include "core/error.h"
 #include "core/surface/contour.h"
+#include "core/surface/piece_buffer.h"
 #include "core/surface/slab_contour.h"
 
 namespace strata {
 namespace {
 
 constexpr int64_t kMostLayers = 64;  // of a slab: more gain nothing
-constexpr uint64_t kPieces = 8;      // a part of the memory is for a piece, since what takes it keeps some of it; at most:
-constexpr uint64_t kMostPieceBytes = uint64_t{64} << 20;
 
 // Slices of a grid in memory, read from the source as they are wanted.
 class SliceWindow {
@@ -47,48 +46,38 @@ private:
     LargeArray<float> values_;
 };
 
-// One piece of the surface on its way to the sink.
-class PieceBuffer {
+// Makes pieces of parts of a slab.
+class SlabPieces {
 public:
-    PieceBuffer(const ContourSettings& settings, const Vec3d& origin, SurfaceSink& sink) : settings_(settings), origin_(origin), sink_(sink) {}
+    SlabPieces(const ContourSettings& settings, const Vec3d& origin, SurfaceSink& sink) : origin_(origin), sink_(sink), buffer_(settings) {}
 
-    uint64_t bytes_of(const SlabContour::Part& part) const {
-        const uint64_t vertex = sizeof(Vec3f) * (settings_.normals ? 2 : 1) + (settings_.colors.empty() ? 0 : sizeof settings_.colors[0]);
-        return part.vertices * vertex + part.triangles * sizeof(std::array<uint32_t, 3>);
-    }
+    uint64_t bytes_of(const SlabContour::Part& part) const { return buffer_.bytes_of(part.vertices, part.triangles); }
 
     // Whole layers.
     void pass_on(SlabContour& slab, const SlabSamples& samples, int64_t first, int64_t end, uint64_t most_bytes) {
         const SlabContour::Part part = slab.part_of(first, end);
         if (part.vertices == 0 && part.triangles == 0) return;
-        const ContourTarget target = room_for(part, most_bytes);
-        slab.emit(samples, first, end, target);
-        colors_.clear();
-        if (!settings_.colors.empty())
-            slab.for_isovalues(first, end, [&](size_t isovalue, uint64_t vertices) {
-                colors_.insert(colors_.end(), size_t(vertices), settings_.colors[isovalue]);
-            });
+        slab.emit(samples, first, end, room_for(part, most_bytes));
+        slab.for_isovalues(first, end, [&](size_t isovalue, uint64_t vertices) { buffer_.add_colors(vertices, isovalue); });
         hand_on(part);
     }
 
     // Rows of a layer that is too large to be one piece: its vertices, then its triangles.
     void pass_on_rows(SlabContour& slab, const SlabSamples& samples, int64_t layer, uint64_t most_bytes) {
         // Others may keep more for a vertex than this: about as many come as with whole layers.
-        const uint64_t with_triangles = 2 * sizeof(std::array<uint32_t, 3>), vertex_bytes = bytes_of({.vertices = 1}) + with_triangles;
+        const uint64_t vertex_bytes = buffer_.bytes_of(1, 2);
         const auto vertices = [&](size_t row) { return slab.vertices_before(layer, row); };
-        for_pieces(slab.vertex_rows(layer), vertices, vertex_bytes, most_bytes, [&](size_t first, size_t end, uint64_t count) {
-            slab.emit_vertices(samples, layer, first, end, room_for({.vertices = count}, most_bytes));
-            colors_.clear();
-            if (!settings_.colors.empty())
-                for (size_t row = first; row < end; ++row)
-                    colors_.resize(size_t(vertices(row + 1) - vertices(first)), settings_.colors[slab.isovalue_of(row)]);
-            hand_on({.vertices = count});
+        PieceBuffer::for_pieces(slab.vertex_rows(layer), vertices, vertex_bytes, most_bytes, [&](size_t first, size_t end) {
+            const SlabContour::Part part = {.vertices = vertices(end) - vertices(first)};
+            slab.emit_vertices(samples, layer, first, end, room_for(part, most_bytes));
+            for (size_t row = first; row < end; ++row) buffer_.add_colors(vertices(row + 1) - vertices(row), slab.isovalue_of(row));
+            hand_on(part);
         });
-        colors_.clear();
         const auto triangles = [&](size_t row) { return slab.triangles_before(layer, row); };
-        for_pieces(slab.triangle_rows(), triangles, bytes_of({.triangles = 1}), most_bytes, [&](size_t first, size_t end, uint64_t count) {
-            slab.emit_triangles(samples, layer, first, end, room_for({.triangles = count}, most_bytes));
-            hand_on({.triangles = count});
+        PieceBuffer::for_pieces(slab.triangle_rows(), triangles, buffer_.bytes_of(0, 1), most_bytes, [&](size_t first, size_t end) {
+            const SlabContour::Part part = {.triangles = triangles(end) - triangles(first)};
+            slab.emit_triangles(samples, layer, first, end, room_for(part, most_bytes));
+            hand_on(part);
         });
     }
 
@@ -103,50 +92,15 @@ public:
     }
 
 private:
-    // Calls with as many rows as fit, at least one.
-    template <typename Before, typename Use>
-    static void for_pieces(size_t rows, const Before& before, uint64_t each, uint64_t most_bytes, const Use& use) {
-        for (size_t first = 0, end; first < rows; first = end) {
-            end = first + 1;
-            while (end < rows && (before(end + 1) - before(first)) * each <= most_bytes) ++end;
-            if (const uint64_t count = before(end) - before(first); count > 0) use(first, end, count);
-        }
-    }
-
-    // In the memory of pieces before, if both together do not take more than one may.
     ContourTarget room_for(const SlabContour::Part& part, uint64_t most_bytes) {
-        if (bytes_of({std::max<uint64_t>(part.vertices, positions_.size()), std::max<uint64_t>(part.triangles, triangles_.size())}) > most_bytes) {
-            positions_ = {};
-            normals_ = {};
-            triangles_ = {};
-        }
-        reserve(positions_, part.vertices);
-        reserve(triangles_, part.triangles);
-        if (settings_.normals) reserve(normals_, part.vertices);
-        return {.positions = positions_.data(), .normals = normals_.data(), .triangles = triangles_.data()};
+        buffer_.make_room(part.vertices, part.triangles, most_bytes);
+        return {.positions = buffer_.positions(), .normals = buffer_.normals(), .triangles = buffer_.triangles()};
     }
+    void hand_on(const SlabContour::Part& part) { buffer_.hand_on(origin_, part.vertices, part.triangles, sink_); }
 
-    void hand_on(const SlabContour::Part& part) {
-        const auto vertices = size_t(part.vertices);
-        sink_.add({.origin = origin_,
-                   .positions = {positions_.data(), vertices},
-                   .normals = {normals_.data(), settings_.normals ? vertices : 0},
-                   .colors = colors_,
-                   .triangles = {triangles_.data(), size_t(part.triangles)},
-                   .quads = {}});
-    }
-
-    template <typename T>
-    static void reserve(LargeArray<T>& array, uint64_t size) {
-        if (array.size() < size) array = LargeArray<T>(size_t(size));
-    }
-
-    const ContourSettings& settings_;
     Vec3d origin_;
     SurfaceSink& sink_;
-    LargeArray<Vec3f> positions_, normals_;
-    LargeArray<std::array<uint32_t, 3>> triangles_;
-    std::vector<std::array<uint8_t, 4>> colors_;
+    PieceBuffer buffer_;
 };
 
 [[noreturn]] void refuse(uint64_t needed, const ContourSettings& settings) {
@@ -161,7 +115,7 @@ ContourReport contour_slices(SliceSource& source, const ContourSettings& setting
     SlabContour slab(source.placement(), source.size(), settings, reference, best_simd_level());
     const int64_t layers = slab.layers();
     SliceWindow window(source, reference);
-    PieceBuffer piece(settings, source.placement().origin, sink);
+    SlabPieces pieces(settings, source.placement().origin, sink);
     const auto [columns, rows, slices] = source.size();
     constexpr uint64_t kMostSamples = uint64_t{1} << 48;  // a slice: byte counts of a slab do not overflow
     if (uint64_t{columns} * rows > kMostSamples) refuse(kMostSamples * sizeof(float), settings);
@@ -180,14 +134,14 @@ ContourReport contour_slices(SliceSource& source, const ContourSettings& setting
         const SlabSamples samples = window.move_to(first_slice, end_slice);
         slab.plan(samples, first, end);
         const uint64_t left = settings.memory_bytes - slab_bytes(first, end);
-        const uint64_t most = std::min({left, settings.memory_bytes / kPieces, kMostPieceBytes});
+        const uint64_t most = PieceBuffer::most_bytes(settings, left);
         for (int64_t part = first, part_end; part < end; part = part_end) {
             part_end = part + 1;
-            const auto bytes = [&] { return piece.bytes_of(slab.part_of(part, part_end)); };
+            const auto bytes = [&] { return pieces.bytes_of(slab.part_of(part, part_end)); };
             if (bytes() > most) {
-                const uint64_t row = piece.row_bytes(slab, part);
+                const uint64_t row = pieces.row_bytes(slab, part);
                 if (row > left) refuse(std::max(slab_bytes(first, first + 1) + row, 2 * row), settings);
-                piece.pass_on_rows(slab, samples, part, std::max(most, row));
+                pieces.pass_on_rows(slab, samples, part, std::max(most, row));
                 continue;
             }
             while (part_end < end) {
@@ -196,7 +150,7 @@ ContourReport contour_slices(SliceSource& source, const ContourSettings& setting
                 --part_end;
                 break;
             }
-            piece.pass_on(slab, samples, part, part_end, most);
+            pieces.pass_on(slab, samples, part, part_end, most);
         }
     }
     ContourReport report = slab.report();
