@@ -277,7 +277,7 @@ struct SlabKernel {
     static void emit_slice(SlabContour& slab, const SlabSamples& samples, int64_t slice, size_t s, const RowRange& rows,
                            const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
         const int64_t k = slab.slab_first_ + slice;
-        const size_t words = slab.stride_ - 1, cells = cell_words(slab);
+        const size_t cells = cell_words(slab);
         const int64_t pad = slab.pad_;
         const double isovalue = slab.isovalues_[s];
         for (int64_t j = rows[0]; j < rows[1]; ++j) {
@@ -300,18 +300,28 @@ struct SlabKernel {
                     ++at;
                 }
             }
-            at = numbers.y - first_vertex;
-            for (size_t w = 0; w < words; ++w)
-                for (uint64_t left = row[w] ^ next[w]; left != 0; left &= left - 1) {
-                    const int64_t i = int64_t(64 * w) + std::countr_zero(left);
-                    const double t = here == nullptr    ? 1.0 - kLeastCut
-                                     : there == nullptr ? kLeastCut
-                                                        : cut_edge(here[i - pad], there[i - pad], isovalue, cuts);
-                    put(out.positions[at], start + double(i) * slab.axes_[0] + t * slab.axes_[1]);
-                    if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 1, t);
-                    ++at;
-                }
+            emit_across<kNormals>(slab, samples, {j, k}, 1, {row, next}, {here, there}, isovalue, start, out, numbers.y - first_vertex, cuts);
         }
+    }
+
+    // Those on edges along j or k, from a row to another one.
+    template <bool kNormals>
+    static void emit_across(SlabContour& slab, const SlabSamples& samples, const std::array<int64_t, 2>& place, int axis, const std::array<const uint64_t*, 2>& masks,
+                            const std::array<const float*, 2>& values, double isovalue, const Vec3d& start, const ContourTarget& out, uint64_t at, CutStatistics& cuts) {
+        const size_t words = slab.stride_ - 1;
+        const int64_t pad = slab.pad_;
+        const auto [low, high] = masks;
+        const auto [here, there] = values;
+        for (size_t w = 0; w < words; ++w)
+            for (uint64_t left = low[w] ^ high[w]; left != 0; left &= left - 1) {
+                const int64_t i = int64_t(64 * w) + std::countr_zero(left);
+                const double t = here == nullptr    ? 1.0 - kLeastCut
+                                 : there == nullptr ? kLeastCut
+                                                    : cut_edge(here[i - pad], there[i - pad], isovalue, cuts);
+                put(out.positions[at], start + double(i) * slab.axes_[0] + t * slab.axes_[axis]);
+                if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, place[0], place[1]}, axis, t);
+                ++at;
+            }
     }
 
     static void put(Vec3f& out, const Vec3d& position) { out = {float(position.x()), float(position.y()), float(position.z())}; }
@@ -320,26 +330,14 @@ struct SlabKernel {
     template <bool kNormals>
     static void emit_between(SlabContour& slab, const SlabSamples& samples, int64_t layer, size_t s, const RowRange& rows,
                              const ContourTarget& out, uint64_t first_vertex, CutStatistics& cuts) {
-        const int64_t k = slab.slab_first_ + layer, pad = slab.pad_;
-        const size_t words = slab.stride_ - 1;
+        const int64_t k = slab.slab_first_ + layer;
         const double isovalue = slab.isovalues_[s];
         const SlabContour::LayerRow* const numbers = slab.layer_rows_.data() + slab.unit(layer, s) * size_t(slab.rows_);
         for (int64_t j = rows[0]; j < rows[1]; ++j) {
             const uint64_t *low = slab.mask(layer, s, j), *high = slab.mask(layer + 1, s, j);
             const float* const here = samples_of(slab, samples, j, k);
             const float* const there = samples_of(slab, samples, j, k + 1);
-            const Vec3d start = start_of(slab, j, k);
-            uint64_t at = numbers[j].z - first_vertex;
-            for (size_t w = 0; w < words; ++w)
-                for (uint64_t left = low[w] ^ high[w]; left != 0; left &= left - 1) {
-                    const int64_t i = int64_t(64 * w) + std::countr_zero(left);
-                    const double t = here == nullptr    ? 1.0 - kLeastCut
-                                     : there == nullptr ? kLeastCut
-                                                        : cut_edge(here[i - pad], there[i - pad], isovalue, cuts);
-                    put(out.positions[at], start + double(i) * slab.axes_[0] + t * slab.axes_[2]);
-                    if constexpr (kNormals) out.normals[at] = edge_normal(slab, samples, {i, j, k}, 2, t);
-                    ++at;
-                }
+            emit_across<kNormals>(slab, samples, {j, k}, 2, {low, high}, {here, there}, isovalue, start_of(slab, j, k), out, numbers[j].z - first_vertex, cuts);
         }
     }
 
