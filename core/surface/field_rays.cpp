@@ -2,6 +2,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cmath>
 
@@ -14,6 +15,7 @@
 namespace strata {
 namespace {
 
+// The cells of a surface, as the walk asks them: a tree in which none is full, which therefore need not be asked on the way down.
 class CellNodes {
 public:
     explicit CellNodes(const VoxelTree& tree) : tree_(tree) {}
@@ -68,7 +70,7 @@ public:
                 path.level = level + 1;
                 continue;
             }
-            const RayEvent out = exit(walk, path.voxel);
+            const RayEvent out = walk.exit(path.voxel, 1);
             if (meets(walk, t, out, path.voxel, hit)) return -1;
             int32_t& place = path.voxel[size_t(out.axis)];
             const int32_t next = place + (walk.forward[out.axis] ? 1 : -1);
@@ -92,16 +94,6 @@ private:
         const size_t first = high ? kSteps[axis] : 0, one = kSteps[(axis + 1) % 3], other = kSteps[(axis + 2) % 3];
         const int inside = (values[first] >= 0.0) + (values[first + one] >= 0.0) + (values[first + other] >= 0.0) + (values[first + one + other] >= 0.0);
         return inside == 0 ? Side::outside : inside == 4 ? Side::inside : Side::unknown;
-    }
-
-    // Where a ray leaves a cell: as walk_to_hit has it.
-    static RayEvent exit(const RayWalk& walk, const std::array<int32_t, 3>& cell) {
-        RayEvent out = {RayWalk::kInfinity, 0};
-        for (int a = 0; a < 3; ++a) {
-            const double plane_t = walk.plane_t(a, cell[size_t(a)] + (walk.forward[a] & 1));
-            if (plane_t < out.t) out = {plane_t, a};
-        }
-        return out;
     }
 
     // Whether the ray meets the surface in a cell that it comes into, or starts in, at t; also true, with an infinite t, where it does so

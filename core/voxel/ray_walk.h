@@ -57,6 +57,16 @@ struct RayWalk {
         return last;
     }
 
+    /// Where the ray leaves the cell of this side from `low` on, in which it is.
+    RayEvent exit(const std::array<int32_t, 3>& low, int32_t cell_side) const {
+        RayEvent first = {kInfinity, 0};
+        for (int a = 0; a < 3; ++a) {
+            const double t = plane_t(a, low[size_t(a)] + (forward[a] & cell_side));
+            if (t < first.t) first = {t, a};
+        }
+        return first;
+    }
+
     /// The coordinate after an event, known to be in [low, high], by asking the planes between.
     uint32_t coordinate_by_planes(int axis, const RayEvent& event, uint32_t low, uint32_t high) const {
         if (still[size_t(axis)]) return uint32_t(place_origin[axis]);
@@ -299,26 +309,18 @@ bool walk_to_hit(Look&& look, const RayWalk& walk, const WalkStart& start, NodeP
         const int shift = look.look(walk, t, path, hit);
         if (shift < 0) return true;
         // To the first plane of the empty cell that the ray crosses.
-        std::array<int32_t, 3> low, plane;
+        std::array<int32_t, 3> low;
         const int32_t size = int32_t(1) << shift;
-        int axis = 0;
-        t = RayWalk::kInfinity;
-        for (int a = 0; a < 3; ++a) {
-            low[size_t(a)] = path.voxel[size_t(a)] & -size;
-            plane[size_t(a)] = low[size_t(a)] + (walk.forward[a] & size);
-            const double plane_t = walk.plane_t(a, plane[size_t(a)]);
-            if (plane_t < t) {
-                t = plane_t;
-                axis = a;
-            }
-        }
+        for (size_t i = 0; i < 3; ++i) low[i] = path.voxel[i] & -size;
+        const RayEvent out = walk.exit(low, size);
+        t = out.t;
         if (!(t <= walk.most_t)) return false;
         // Along the other axes it is where it is at that t.
         uint32_t changed = 0;
         for (int a = 0; a < 3; ++a) {
             const size_t i = size_t(a);
-            const int32_t next = a == axis ? plane[i] + ~walk.forward[a]
-                                           : int32_t(walk.coordinate_after(a, {t, axis}, uint32_t(low[i]), uint32_t(low[i] + size - 1)));
+            const int32_t next = a == out.axis ? low[i] + (walk.forward[a] & size) + ~walk.forward[a]
+                                               : int32_t(walk.coordinate_after(a, out, uint32_t(low[i]), uint32_t(low[i] + size - 1)));
             changed |= uint32_t(path.voxel[i] ^ next);
             low[i] = next;
         }
