@@ -58,7 +58,8 @@ void ContourInput::say_what_was_found(const ContourReport& found, double least, 
     greatest_ = greatest;
     if (found.nan_samples > 0 && !settings_.open_at_nan) notes.push_back(std::to_string(found.nan_samples) + " samples are not a number, and taken for outside");
     if (!(found.least <= found.greatest)) {
-        notes.emplace_back("no sample has a value: the surface is empty");
+        notes.emplace_back(found.nan_samples > 0 ? "no sample has a value: the surface is empty"
+                                                 : "there are no cells between samples, which takes two along each axis: the surface is empty; --close makes one around a single slice");
         return;
     }
     std::string missed;

@@ -129,8 +129,8 @@ OpenedField open_field(const Options& options, const std::string& path, uint64_t
     }
     for (const double isovalue : isovalues)
         if (!options.given("--quiet") && count_crossed_bricks(*opened.field, {isovalue, inside}) == 0)
-            std::fprintf(stderr, "note: %s: no surface at isovalue %s; values are from %s\n", path.c_str(), value_text(isovalue).c_str(),
-                         values_text(opened.field->range().least, opened.field->range().greatest).c_str());
+            std::fprintf(stderr, "note: %s: no surface at isovalue %s; %s\n", path.c_str(), value_text(isovalue).c_str(),
+                         opened.field->range().least <= opened.field->range().greatest ? ("values are from " + values_text(opened.field->range().least, opened.field->range().greatest)).c_str() : "no sample has a value");
     return opened;
 }
 

@@ -31,12 +31,12 @@ namespace fs = std::filesystem;
 constexpr OptionRow kRows[] = {
     {"--output", "-o", "OUT", "", "the mesh to write: .ply, .obj, .stl or .glb"},
     {"--iso", "-i", "V,...", "", "isovalues: the surface where values cross V; several make one mesh of several colors. Needed for volumes and fog volumes; of a level set 0 if not given"},
-    {"--method", "", "METHOD", "", "marching-cubes, cubes (faces of voxels or of the samples inside --iso, merged to rectangles) or smooth (of points); default: smooth of points, cubes of .svo files, else marching-cubes"},
+    {"--method", "", "METHOD", "", "marching-cubes (where values cross --iso), cubes (faces of voxels or of the samples inside --iso, merged to rectangles), or of points smooth or balls; default: smooth of points, cubes of .svo files, marching-cubes of volumes and .vdb files"},
     {"--inside", "", "SIDE", "", "above or below: where values are greater or less than the isovalue the surface is solid; default: above, of a level set below"},
     {"--close", "", "", "", "of volumes: close the surface where it meets the boundary"},
     {"--normals", "-n", "", "", "normals of vertices, from the gradient of the values; of cubes those of faces, which then share vertices only where they look the same way"},
     {"--voxel-size", "-s", "UNITS", "", "of points and meshes: the side of the voxels to make, or what lies between samples, CRS units; of a .svo file the coarsest cells that are no larger"},
-    {"--radius", "", "UNITS", "", "of points: the surface around balls of this radius; with --method smooth: how far a point has a say; default: smooth, 3 times what lies between points"},
+    {"--radius", "", "UNITS", "", "of points, smooth: how far a point has a say; default: 3 times what lies between points. With --method balls: of the balls"},
     {"--viewpoint", "", "X,Y,Z", "", "of points, for --method smooth: where the scanner stood, CRS units, so that normals look there; default: normals of the points, else as neighbors agree"},
     {"--error", "-e", "VOXELS|PXpx", "", "of a .svo file: the coarsest cells whose cubes lie within so many voxels of the finest, or, such as 1.5px, pixels of a picture"},
     {"--camera", "", "FILE.json", "", "of --error in pixels: the camera, as render has it; default: what render shows of all"},
@@ -142,6 +142,7 @@ const char* method_name(SurfaceMethod method) {
         case SurfaceMethod::marching_cubes: return "marching-cubes";
         case SurfaceMethod::cubes: return "cubes";
         case SurfaceMethod::smooth: return "smooth";
+        case SurfaceMethod::balls: return "balls";
     }
     return "";
 }
@@ -167,9 +168,9 @@ SurfaceRequest request_of(const Options& options, const std::string& folder) {
     if (options.given("--iso")) request.isovalues = parse_isovalues(options.text("--iso"));
     if (options.given("--method")) {
         const std::string method = options.text("--method");
-        for (const SurfaceMethod known : {SurfaceMethod::marching_cubes, SurfaceMethod::cubes, SurfaceMethod::smooth})
+        for (const SurfaceMethod known : {SurfaceMethod::marching_cubes, SurfaceMethod::cubes, SurfaceMethod::smooth, SurfaceMethod::balls})
             if (method == method_name(known)) request.method = known;
-        if (!request.method) throw Error(ErrorKind::usage, "--method: expected marching-cubes, cubes or smooth, got '" + method + "'");
+        if (!request.method) throw Error(ErrorKind::usage, "--method: expected marching-cubes, cubes, smooth or balls, got '" + method + "'");
     }
     if (options.given("--inside")) {
         const std::string side = options.text("--inside");
@@ -255,7 +256,8 @@ int run(const Options& options) {
     ScalarRanges scalars(measured, input->scalar_names());
     input->extract(scalars, progress);
     for (const ScalarRanges::Range& range : scalars.ranges())
-        if (!range.known() && range.unknown > 0) input->notes.push_back("attribute " + range.name + ": its value is known nowhere on the surface");
+        if (range.is_coarse()) input->notes.push_back("attribute " + range.name + ": its values, about " + value_text(range.greatest) + ", are rounded to " + value_text(range.step()) + ": meshes keep floats");
+        else if (!range.known() && range.unknown > 0) input->notes.push_back("attribute " + range.name + ": its value is known nowhere on the surface");
     const Durability durability = options.given("--no-sync") ? Durability::unsynced : Durability::synced;
     Written written = {.surface = measured.report(), .bytes = writer->commit(durability)};
     progress.clear();

@@ -19,7 +19,7 @@ void refuse_attributes(const SurfaceRequest& request, const std::string& path, F
 }
 
 void refuse_viewpoint(const SurfaceRequest& request) {
-    if (request.viewpoint) throw Error(ErrorKind::usage, "--viewpoint is for points and --method smooth");
+    if (request.viewpoint) throw Error(ErrorKind::usage, "--viewpoint is for --method smooth, of points");
 }
 
 // What is stored sparsely ends before its grid does, and cubes are closed.
@@ -42,6 +42,7 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
     const std::string& path = words[0];
     const bool one = words.size() == 1 && !std::filesystem::is_directory(path);
     if (request.labels && request.method.value_or(SurfaceMethod::cubes) != SurfaceMethod::cubes) throw Error(ErrorKind::usage, "--labels makes cubes: --method cubes is expected with it");
+    const bool of_points = request.method == SurfaceMethod::smooth || request.method == SurfaceMethod::balls;
     const bool cubes = request.method == SurfaceMethod::cubes || request.labels;
     if (request.raw) {
         if (!one) throw Error(ErrorKind::usage, "--dimensions: one file of samples is expected");
@@ -53,7 +54,7 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         const FormatKind kind = kind_of(word);
         if (words.size() > 1 && kind != FormatKind::points && kind != FormatKind::layered)
             throw Error(ErrorKind::usage, word + ": one volume, grid, mesh or voxel file at a time is expected; only points may come in several files");
-        if (request.method == SurfaceMethod::smooth && kind != FormatKind::points && kind != FormatKind::layered) throw Error(ErrorKind::usage, word + ": --method smooth is for points");
+        if (of_points && kind != FormatKind::points && kind != FormatKind::layered) throw Error(ErrorKind::usage, word + ": --method smooth or balls is for points");
         const char* const without_points = kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : kind == FormatKind::volume || kind == FormatKind::grids ? "values on a grid" : nullptr;
         if (request.radius && without_points != nullptr) throw Error(ErrorKind::usage, word + ": --radius is not for " + without_points + "; it is for points");
         refuse_attributes(request, word, kind);
@@ -66,15 +67,18 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
     }
     refuse_close(request);  // folders of points
     if (request.labels) throw Error(ErrorKind::usage, path + ": --labels is for volumes");
-    if (request.radius && cubes) throw Error(ErrorKind::usage, "--radius makes a surface of balls or a smooth one, --method cubes one of voxels");
+    if (request.radius && request.method && !of_points) throw Error(ErrorKind::usage, "--radius is for --method smooth or balls");
     const FormatKind kind = one ? identify_format(path).kind : FormatKind::points;
     if (kind != FormatKind::mesh && kind != FormatKind::grids) {
-        if (request.method == SurfaceMethod::smooth || (!request.method && !request.radius)) return smooth_surface(words, request);
-        refuse_viewpoint(request);
-        if (request.radius) return surface_of_balls(words, request);
+        if (request.method.value_or(SurfaceMethod::smooth) == SurfaceMethod::smooth) return smooth_surface(words, request);
+        if (request.method == SurfaceMethod::balls) {
+            refuse_viewpoint(request);
+            if (!request.radius) throw Error(ErrorKind::usage, "--method balls: --radius R is expected, that of the balls, in CRS units");
+            return surface_of_balls(words, request);
+        }
     }
     refuse_viewpoint(request);
-    if (!request.attributes.empty()) throw Error(ErrorKind::usage, "--attributes is for surfaces of points without --method, or with --method smooth; here voxels are made of " + path);
+    if (!request.attributes.empty()) throw Error(ErrorKind::usage, "--attributes is for --method smooth or balls, of points; here voxels are made of " + path);
     if (!request.method) throw Error(ErrorKind::usage, path + ": of meshes --method cubes or marching-cubes with --voxel-size makes a surface");
     return surface_by_voxels(words, kind == FormatKind::grids, *request.method, request);
 }

@@ -20,7 +20,7 @@
 
 namespace strata {
 
-enum class SurfaceMethod { marching_cubes, cubes, smooth };
+enum class SurfaceMethod { marching_cubes, cubes, smooth, balls };
 
 /// How far cubes of coarser cells may lie from the voxels.
 struct CellError {

@@ -139,7 +139,8 @@ private:
 class CoverageInput : public ContourInput {
 public:
     CoverageInput(SurfaceVoxels voxels, const SurfaceRequest& request) : ContourInput(request, ContourInside::above), voxels_(std::move(voxels)) {
-        if (settings_.isovalues.empty()) settings_.isovalues = {0.5};
+        chosen_ = !settings_.isovalues.empty();
+        if (!chosen_) settings_.isovalues = {0.5};
         const bool below = settings_.inside == ContourInside::below;
         for (const double isovalue : settings_.isovalues)
             if (below || isovalue <= 0.0) throw Error(ErrorKind::usage, below ? "--inside below is not for voxels: nothing is outside" : "--iso: of voxels it is a share above 0, got " + value_text(isovalue));
@@ -161,11 +162,14 @@ public:
         const uint64_t cells = uint64_t{1} << voxels_.depth;
         BricksWithProgress bricks(field, 0, int64_t(cells), cells * cells * cells, progress);
         const ContourReport found = attributes_.extract_with(out, [&](SurfaceSink& sink) { return contour_bricks(bricks, settings_, sink); });
-        say_what_was_found(found, 0.0, 1.0);
+        if (voxels_.depth < voxels_.tree.depth() && !chosen_)
+            notes.emplace_back("a cell is inside where half of its voxels are occupied, which few are that voxels of a surface lie in: --iso 0.1 takes more of them in");
+        say_what_was_found(found, 0.0, found.greatest);
     }
 
 private:
     SurfaceVoxels voxels_;
+    bool chosen_ = false;  // the isovalue, by the user
 };
 
 std::unique_ptr<SurfaceInput> surface_of(SurfaceVoxels voxels, SurfaceMethod method, const SurfaceRequest& request) {

@@ -16,6 +16,13 @@ void ScalarRanges::Range::add(std::span<const float> values) {
     }
 }
 
+float ScalarRanges::Range::step() const {
+    const float farthest = std::max(std::abs(least), std::abs(greatest));
+    return std::nextafter(farthest, std::numeric_limits<float>::infinity()) - farthest;
+}
+
+bool ScalarRanges::Range::is_coarse() const { return known() && step() > 1e-3f * (greatest - least) && (least < greatest || step() > 1.0f); }
+
 ScalarRanges::ScalarRanges(SurfaceSink& next, const std::vector<std::string>& names) : next_(next) {
     for (const std::string& name : names) ranges_.push_back({.name = name});
 }

@@ -18,6 +18,8 @@ public:
         float least = std::numeric_limits<float>::infinity(), greatest = -std::numeric_limits<float>::infinity();  // of values that are finite
         uint64_t unknown = 0;                                                                                       // vertices with another value
         bool known() const { return least <= greatest; }
+        float step() const;       // between floats at the value farthest from 0
+        bool is_coarse() const;   // less than 1,000 steps from the least value to the greatest, so that differences are lost; or whole numbers are
         void add(std::span<const float> values);
     };
 

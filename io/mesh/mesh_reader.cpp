@@ -15,7 +15,7 @@ TriangleMesh read_mesh(const std::string& path, const MeshReadSettings& settings
     const auto read = format.name == "obj" ? read_obj : format.name == "stl" ? read_stl : read_ply;
     TriangleMesh mesh = read(*source, settings, said);
     if (settings.triangles_needed && mesh.triangles.empty()) {
-        std::string line = path + ": triangles are expected, there are " + std::to_string(mesh.positions.size()) + " vertices without any";
+        std::string line = path + ": triangles are expected, there are " + std::to_string(mesh.positions.size()) + " vertices without any" + (mesh.positions.empty() ? "" : "; points are read from LAS, LAZ, COPC, Potree and Draco files");
         for (const std::string& note : said.notes) line += "; " + note;
         throw Error(ErrorKind::malformed, line);
     }

@@ -46,6 +46,7 @@ public:
             char line[160];
             std::snprintf(line, sizeof line, "coordinates are floats in STL: up to %.2g units are lost; .ply and .obj keep them", loss_);
             notes.emplace_back(line);
+            if (loss_ > edge_ / 10.0) notes.back() += ", and faces as small as these collapse: what is reported here is the surface before that";
         }
         if (loses_more_) notes.emplace_back("STL has no colors and no normals of vertices");
         if (loses_scalars_) notes.emplace_back("STL has no attributes of vertices: they are left out; .ply and .glb keep them");

@@ -16,6 +16,7 @@ namespace strata {
 namespace {
 
 constexpr size_t kBuffer = 64 * 1024;
+constexpr uint64_t kLargestHeader = 4096;  // that is taken for one without being told, where it is a quarter of the samples or more
 
 template <typename Act>
 void with_type(SampleType type, const Act& act) {
@@ -178,8 +179,12 @@ std::unique_ptr<VolumeSource> open_raw_volume(std::unique_ptr<ByteSource> source
     header.placement.origin = layout.origin;
     header.placement.axes = layout.spacing.asDiagonal();
     check_placement(header.placement, header.size, source->name());
-    if (header.is_at_end && source->size() > header.sample_bytes())
-        header.notes.push_back("the first " + std::to_string(source->size() - header.sample_bytes()) + " bytes are taken for a header");
+    if (header.is_at_end && source->size() > header.sample_bytes()) {
+        const uint64_t before = source->size() - header.sample_bytes();
+        if (before > kLargestHeader && before >= header.sample_bytes() / 4)
+            throw Error(ErrorKind::malformed, source->name() + ": " + std::to_string(before) + " bytes more than samples of that size and type: too many for a header, unless its bytes are given");
+        header.notes.push_back("the first " + std::to_string(before) + " bytes are taken for a header");
+    }
     return std::make_unique<VolumeSource>(std::move(source), std::move(header));
 }
 

@@ -132,7 +132,7 @@ TEST_F(SurfaceAttributes, SamplesAloneHaveThemToo) {
     ASSERT_EQ(found.scalars.size(), 1u);
     for (size_t v = 0; v < found.positions.size(); ++v) EXPECT_NEAR(found.scalars[0].values[v], linear(found.positions[v] + Vec3d(100, 200, -7)), 1e-4);
     // A file that says what it is counts as that, a damaged one too: as samples alone it would be long enough.
-    const std::vector<std::string> raw = {file("ball.raw"), "--iso", "0", "--dimensions", "8x8x8", "--type", "float", "--attributes"};
+    const std::vector<std::string> raw = {file("ball.raw"), "--iso", "0", "--dimensions", "8x8x8", "--type", "float", "--header-bytes", "0", "--attributes"};
     const auto with = [&](const std::string& attributes) {
         std::vector<std::string> words = raw;
         words.push_back(attributes);

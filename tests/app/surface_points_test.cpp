@@ -93,7 +93,7 @@ TEST_F(SurfaceOfPoints, ABallNeedsNothingSaid) {
 }
 
 TEST_F(SurfaceOfPoints, AttributesOfPoints) {
-    for (const std::vector<std::string>& more : {std::vector<std::string>{"--method", "smooth", "--voxel-size", "0.3"}, std::vector<std::string>{"--radius", "0.6"}}) {
+    for (const std::vector<std::string>& more : {std::vector<std::string>{"--method", "smooth", "--voxel-size", "0.3"}, std::vector<std::string>{"--method", "balls", "--radius", "0.6"}}) {
         std::vector<std::string> words = {ball(), "-o", file("ball.ply"), "--attributes", "intensity,class,rgb[2]", "--normals"};
         words.insert(words.end(), more.begin(), more.end());
         surface(words);
@@ -147,9 +147,9 @@ TEST_F(SurfaceOfPoints, SaysWhatCannotBe) {
     refuse({in, "--quads"}, "--quads is for --method cubes");
     refuse({in, "--close"}, "--close is for volumes");
     refuse({in, "--attributes", "height"}, "height");
-    refuse({in, "--method", "cubes", "--voxel-size", "1", "--attributes", "intensity"}, "--attributes is for surfaces of points without --method, or with --method smooth; here voxels are made of " + in);
+    refuse({in, "--method", "cubes", "--voxel-size", "1", "--attributes", "intensity"}, "--attributes is for --method smooth or balls, of points; here voxels are made of " + in);
     refuse({in, "--viewpoint", "1,2"}, "--viewpoint");
-    refuse({in, "--radius", "1", "--viewpoint", "1,2,3"}, "--viewpoint is for points and --method smooth");
+    refuse({in, "--method", "balls", "--radius", "1", "--viewpoint", "1,2,3"}, "--viewpoint is for --method smooth, of points");
     refuse({in, "--method", "smooth", "--memory", "1M"}, "memory", 1);
     std::ofstream(file("triangle.obj")) << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     refuse({file("triangle.obj"), "--method", "smooth"}, "--method smooth is for points");

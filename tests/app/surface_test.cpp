@@ -180,6 +180,11 @@ TEST_F(Surface, AnEmptySurfaceIsNoFailure) {
     const json none = info(file("none.ply"));
     EXPECT_EQ(none["triangles"], 0);
     EXPECT_TRUE(none["volume"].is_null()) << "it encloses nothing";
+    // A single slice has no cells.
+    write_bytes(file("slice.nrrd"), "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 1\nencoding: raw\n\nabcd");
+    const std::string said = surface({file("slice.nrrd"), "-o", file("slice.ply"), "--iso", "98"})["notes"].dump();
+    EXPECT_NE(said.find("there are no cells between samples"), std::string::npos) << said;
+    EXPECT_GT(surface({file("slice.nrrd"), "-o", file("closed.ply"), "--iso", "98", "--close"})["triangles"], 0);
     // Of several isovalues those without a surface are named.
     EXPECT_EQ(surface({in, "-o", file("one.ply"), "--iso", "0,500,-600"})["notes"][0].get<std::string>().find("no surface at isovalue 500, -600: values are from -10."), 0);
     write_bytes(file("nan.nrrd"), volume_of([](const Vec3d&) { return std::nan(""); }));
@@ -346,7 +351,7 @@ TEST_F(Surface, AWrongCommandLineIsExitCode2) {
         {{in, "-o", out, "--iso", "0", "--error", "px"}, "--error: expected a number"},
         {{in, "-o", out, "--iso", "0", "--error", "1", "--size", "10x10"}, "--size is for --error in pixels, such as --error 1px"},
         {{in, "-o", out, "--iso", "0", "--camera", "x.json"}, "--camera is for --error in pixels"},
-        {{in, "-o", out, "--iso", "0", "--method", "dual"}, "--method: expected marching-cubes, cubes or smooth"},
+        {{in, "-o", out, "--iso", "0", "--method", "dual"}, "--method: expected marching-cubes, cubes, smooth or balls"},
         {{in, "-o", out, "--iso", "0", "--inside", "left"}, "--inside: expected above or below"},
         {{in, "-o", out, "--iso", "0", "--method", "cubes", "--close"}, "--close is for --method marching-cubes"},
         {{in, "-o", out, "--iso", "0", "--voxel-size", "1"}, "--voxel-size is for voxels"},

@@ -75,6 +75,11 @@ TEST_F(SurfaceOfVoxels, SharesOfCellsMakeASmoothBall) {
     EXPECT_NEAR(smooth["area"].get<double>() / area, 1.0, 0.03);
     // Cubes of the same have the area of their steps: 3/2 of a sphere's.
     EXPECT_NEAR(surface({in, "-o", file("b.ply")})["area"].get<double>() / area, 1.5, 0.02);
+    // Coarser cells of a wall one voxel thick are not half occupied: that is said.
+    ASSERT_EQ(run_strata({"voxelize", file("ball.obj"), "-o", file("shell.svo"), "--voxel-size", "0.33333333333333333", "--quiet"}).exit_code, 0);
+    const std::string of_shell = surface({file("shell.svo"), "-o", file("s.ply"), "--method", "marching-cubes", "--voxel-size", "2.7"})["notes"].dump();
+    EXPECT_NE(of_shell.find("--iso 0.1 takes more of them in"), std::string::npos) << of_shell;
+    EXPECT_GT(surface({file("shell.svo"), "-o", file("s.ply"), "--method", "marching-cubes", "--voxel-size", "2.7", "--iso", "0.05"})["triangles"], 0);
     // A share of 1 is inside only.
     const json inner = surface({in, "-o", file("d.ply"), "--method", "marching-cubes", "--voxel-size", "0.67", "--iso", "1"});
     EXPECT_LT(inner["volume"].get<double>(), smooth["volume"].get<double>());
@@ -161,19 +166,22 @@ TEST_F(SurfaceOfVoxels, CloseIsForVolumes) {
 // Four points in a row, a unit apart: four balls, or one body.
 TEST_F(SurfaceOfVoxels, BallsAroundPoints) {
     const std::string in = row();
-    const json apart = surface({in, "-o", file("apart.ply"), "--radius", "0.45", "--voxel-size", "0.1"});
+    const json apart = surface({in, "-o", file("apart.ply"), "--method", "balls", "--radius", "0.45", "--voxel-size", "0.1"});
     EXPECT_EQ(apart["components"], 4);
     EXPECT_EQ(apart["euler_characteristic"], 8);
     EXPECT_EQ(apart["boundary_edges"], 0);
     EXPECT_NEAR(apart["volume"].get<double>() / (4 * 4.0 / 3.0 * pi * 0.45 * 0.45 * 0.45), 1.0, 0.03);
-    const json one = surface({in, "-o", file("one.ply"), "--radius", "0.7"});
+    const json one = surface({in, "-o", file("one.ply"), "--method", "balls", "--radius", "0.7"});
     EXPECT_EQ(one["components"], 1);
     EXPECT_EQ(one["euler_characteristic"], 2);
-    refuse({in, "--radius", "0.5", "--method", "cubes"}, "--radius makes a surface of balls");
-    refuse({in, "--radius", "0.5", "--iso", "1"}, "--iso is not for balls around points");
-    refuse({in, "--radius", "0.5", "--voxel-size", "2"}, "from 1 to 6 spacings");
+    refuse({in, "--radius", "0.5", "--method", "cubes"}, "--radius is for --method smooth or balls");
+    refuse({in, "--method", "balls", "--radius", "0.5", "--iso", "1"}, "--iso is not for balls around points");
+    refuse({in, "--method", "balls", "--radius", "0.5", "--voxel-size", "2"}, "from 1 to 6 spacings");
     refuse({in, "--radius", "-1"}, "--radius: expected a positive number");
     refuse({ball(), "--radius", "1"}, "--radius is not for voxels");
+    refuse({in, "--method", "balls"}, "--method balls: --radius R is expected");
+    refuse({in, "--method", "balls", "--radius", "1", "--viewpoint", "1,2,3"}, "--viewpoint is for --method smooth");
+    refuse({file("ball.svo"), "--method", "balls", "--radius", "1"}, "--method smooth or balls is for points");
 }
 
 TEST_F(SurfaceOfVoxels, BallsAreTheSameWhateverTheMemoryAndThreads) {
@@ -182,8 +190,8 @@ TEST_F(SurfaceOfVoxels, BallsAreTheSameWhateverTheMemoryAndThreads) {
         std::ifstream in_file(file(name), std::ios::binary);
         return std::string(std::istreambuf_iterator<char>(in_file), {});
     };
-    surface({in, "-o", file("much.ply"), "--radius", "2", "--threads", "1"});
-    surface({in, "-o", file("little.ply"), "--radius", "2", "--threads", "3", "--memory", "48M"});
+    surface({in, "-o", file("much.ply"), "--method", "balls", "--radius", "2", "--threads", "1"});
+    surface({in, "-o", file("little.ply"), "--method", "balls", "--radius", "2", "--threads", "3", "--memory", "48M"});
     EXPECT_GT(bytes("much.ply").size(), 1'000'000u);
     EXPECT_TRUE(bytes("much.ply") == bytes("little.ply"));
 }

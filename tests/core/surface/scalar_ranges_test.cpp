@@ -44,5 +44,22 @@ TEST(ScalarRanges, AreThoseOfAllPieces) {
     EXPECT_EQ(unknown.unknown, 6u);
 }
 
+// Seconds of GPS, of which floats tell only every 32nd; heights and classes are told well enough.
+TEST(ScalarRanges, WhatFloatsDoNotTellApart) {
+    const auto is_coarse = [](std::vector<float> values) {
+        ScalarRanges::Range range;
+        range.add(values);
+        return range.is_coarse();
+    };
+    EXPECT_TRUE(is_coarse({275'090'611.6f, 275'090'660.9f}));
+    EXPECT_TRUE(is_coarse({275'090'611.6f, 275'090'611.7f}));
+    EXPECT_FALSE(is_coarse({480.0f, 512.0f}));
+    EXPECT_FALSE(is_coarse({2.0f, 2.0f}));
+    EXPECT_FALSE(is_coarse({std::numeric_limits<float>::quiet_NaN()}));
+    ScalarRanges::Range range;
+    range.add(std::vector<float>{275'090'611.6f});
+    EXPECT_EQ(range.step(), 32.0f);
+}
+
 }  // namespace
 }  // namespace strata

@@ -205,6 +205,7 @@ TEST(VolumeSource, RawSamplesNeedALayout) {
     const RawVolumeLayout layout = {.size = {2, 1, 2}, .type = SampleType::int16, .is_big_endian = true, .spacing = {2, 3, 4}, .origin = {1, 1, 1}};
     EXPECT_EQ(values_of(*opened(layout)), (std::vector<float>{1, -2, 3, 4})) << "at the end of the file";
     EXPECT_EQ(opened(layout)->header().notes, (std::vector<std::string>{"the first 6 bytes are taken for a header"}));
+    EXPECT_THROW(open_raw_volume(memory_source("x.raw", test::bytes_of(std::string(5000, 'h') + packed<int16_t>({1, -2, 3, 4}, true))), layout), Error) << "no header is so much larger";
     RawVolumeLayout behind = layout;
     behind.offset = 6;
     EXPECT_EQ(values_of(*opened(behind)), (std::vector<float>{1, -2, 3, 4}));
