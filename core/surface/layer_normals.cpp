@@ -13,9 +13,8 @@ namespace strata {
 namespace {
 
 constexpr size_t kLanes = 8;
-constexpr float kFar = 1e6f;            // spacings: beyond any radius
-constexpr double kLeastNeighbors = 3.5; // 4, as counted in floats
-constexpr double kLeastWidth = 0.01;    // of what points spread across a line, relative to along it, as variances
+constexpr float kFar = 1e6f;          // spacings: beyond any radius
+constexpr double kLeastWidth = 0.01;  // of what points spread across a line, relative to along it, as variances
 
 // Of points within a radius of a place: how many, and sums of weights, of weighted offsets and of products of these; lane by lane, so that all
 // instruction sets add alike.
@@ -56,7 +55,7 @@ STRATA_KERNEL_AVX2 void moments_avx2(const NearPoints& points, const Vec3f& cent
 
 Vec3f normal_of(const Moments& m) {
     const double weight = m.total(Moments::kWeight);
-    if (m.total(Moments::kCount) < kLeastNeighbors) return Vec3f::Zero();
+    if (m.total(Moments::kCount) < double(kLeastPoints)) return Vec3f::Zero();
     const Vec3d mean = Vec3d(m.total(Moments::kX), m.total(Moments::kY), m.total(Moments::kZ)) / weight;
     Mat3d spread;
     spread << m.total(Moments::kXX), m.total(Moments::kXY), m.total(Moments::kXZ), 0.0, m.total(Moments::kYY), m.total(Moments::kYZ), 0.0, 0.0, m.total(Moments::kZZ);
@@ -68,10 +67,10 @@ Vec3f normal_of(const Moments& m) {
 
 }  // namespace
 
-std::vector<Vec3f> layer_normals(const std::array<const PointLayer*, 3>& layers, float radius, int threads) {
+std::vector<Vec3f> layer_normals(const std::array<const PointLayer*, 3>& layers, float radius, int threads, SimdLevel level) {
     const PointLayer& layer = *layers[1];
     std::vector<Vec3f> normals(layer.points());
-    const auto add = best_simd_level() == SimdLevel::baseline ? moments_baseline : moments_avx2;
+    const auto add = level == SimdLevel::baseline ? moments_baseline : moments_avx2;
     parallel_blocks(threads, layer.corners.size(), 16, [&](size_t begin, size_t end) {
         NearPoints near;
         for (size_t b = begin; b < end; ++b) {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/surface/brick_layers.h"
+
 namespace strata {
 
 void NearPoints::gather(const std::array<const PointLayer*, 3>& from, const std::array<int32_t, 2>& corner, float reach, bool skip) {
@@ -11,8 +13,7 @@ void NearPoints::gather(const std::array<const PointLayer*, 3>& from, const std:
         if (from[l] == nullptr || from[l]->corners.empty()) continue;
         const PointLayer& layer = *from[l];
         for (int32_t dj = -kFieldBrickSide; dj <= kFieldBrickSide; dj += kFieldBrickSide) {
-            size_t brick = size_t(std::lower_bound(layer.corners.begin(), layer.corners.end(), std::array<int32_t, 2>{corner[0] - kFieldBrickSide, corner[1] + dj},
-                                                   [](const auto& a, const auto& b) { return a[1] != b[1] ? a[1] < b[1] : a[0] < b[0]; }) -
+            size_t brick = size_t(std::lower_bound(layer.corners.begin(), layer.corners.end(), BrickPlace{corner[0] - kFieldBrickSide, corner[1] + dj}, comes_before) -
                                   layer.corners.begin());
             for (; brick < layer.corners.size() && layer.corners[brick][1] == corner[1] + dj && layer.corners[brick][0] <= corner[0] + kFieldBrickSide; ++brick) {
                 const Vec3f shift(float(layer.corners[brick][0] - corner[0]), float(dj), float(kFieldBrickSide) * (float(l) - 1.0f));
@@ -40,7 +41,7 @@ std::vector<std::array<int32_t, 2>> corners_around(const std::array<const PointL
             for (int32_t dj = -kFieldBrickSide; dj <= kFieldBrickSide; dj += kFieldBrickSide)
                 for (int32_t di = -kFieldBrickSide; di <= kFieldBrickSide; di += kFieldBrickSide) all.push_back({corner[0] + di, corner[1] + dj});
     }
-    std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a[1] != b[1] ? a[1] < b[1] : a[0] < b[0]; });
+    std::sort(all.begin(), all.end(), comes_before);
     all.erase(std::unique(all.begin(), all.end()), all.end());
     return all;
 }

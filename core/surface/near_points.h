@@ -8,6 +8,9 @@
 
 namespace strata {
 
+/// Of points within a radius: fewer say nothing of a surface.
+inline constexpr int kLeastPoints = 4;
+
 /// The points near a brick of samples, by coordinate, for loops over all of them. Places count from the brick's least sample, in spacings.
 struct NearPoints {
     std::vector<float> x, y, z;

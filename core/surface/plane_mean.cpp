@@ -21,9 +21,9 @@ constexpr float kLeastCoherence = 0.05f, kSharp = 0.9f, kRound = 0.97f;
 // Spacings: a cell that the surface crosses has no corner farther from it than 1.73. Beyond, nothing is gained, and between two sheets of the same
 // side, one behind the other, the field would change sign.
 constexpr float kMostDistance = 2.0f;
-constexpr float kLeastPoints = 3.5f;  // 4, as counted in floats
 
 // A row of 8 samples.
+static_assert(kFieldBrickSide == 8);
 using Row = float __attribute__((vector_size(32)));
 constexpr Row kAlong = {0, 1, 2, 3, 4, 5, 6, 7};
 
@@ -38,14 +38,13 @@ STRATA_INLINE void store(const Row& row, float* to) { std::memcpy(to, &row, size
 void PlaneMean::gather_rows(const NearPoints& points) {
     const float radius_square = radius_ * radius_;
     row_points_.clear();
-    std::array<std::vector<uint32_t>, kSide> planes;
     for (size_t k = 0; k < kSide; ++k) {
-        std::vector<uint32_t>& plane = planes[k];
+        plane_.clear();
         for (size_t p = 0; p < points.size(); ++p)
-            if (std::abs(float(k) - points.z[p]) < radius_) plane.push_back(uint32_t(p));
+            if (std::abs(float(k) - points.z[p]) < radius_) plane_.push_back(uint32_t(p));
         for (size_t j = 0; j < kSide; ++j) {
             row_begins_[k * kSide + j] = uint32_t(row_points_.size());
-            for (const uint32_t p : plane) {
+            for (const uint32_t p : plane_) {
                 const float dy = float(j) - points.y[p], dz = float(k) - points.z[p], square = dy * dy + dz * dz;
                 if (square >= radius_square) continue;
                 const Vec3f& n = points.normals[p];
@@ -113,7 +112,7 @@ STRATA_KERNEL_AVX2 void PlaneMean::planes_avx2(PlaneMean& mean) { mean.add_plane
 
 bool PlaneMean::evaluate(const NearPoints& points, std::span<float, kFieldBrickSamples> values) {
     const float unknown = std::numeric_limits<float>::quiet_NaN();
-    if (points.size() < 3) {
+    if (points.size() < size_t{kLeastPoints}) {
         std::fill(values.begin(), values.end(), unknown);
         return false;
     }
@@ -137,7 +136,7 @@ bool PlaneMean::evaluate(const NearPoints& points, std::span<float, kFieldBrickS
     bool any = false;
     for (int n = 0; n < kFieldBrickSamples; ++n) {
         values[size_t(n)] = unknown;
-        if (!(sw[n] > 0.0f) || sn[n] < kLeastPoints) continue;
+        if (!(sw[n] > 0.0f) || sn[n] < float(kLeastPoints)) continue;
         const float f = sd[n] / sw[n], spread_square = sdd[n] / sw[n] - f * f;
         const Vec3f offset = Vec3f(sx[n], sy[n], sz[n]) / sw[n], normal(mx[n], my[n], mz[n]);
         const float along = offset.dot(normal), beside_square = offset.squaredNorm() - along * along;

@@ -42,6 +42,7 @@ private:
     float radius_;
     SimdLevel level_;
     std::vector<float> sums_;
+    std::vector<uint32_t> plane_;       // points that reach a plane of samples
     std::vector<RowPoint> row_points_;  // row after row
     std::array<uint32_t, kFieldBrickSide * kFieldBrickSide + 1> row_begins_;
 };
