@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <utility>
 
 #include "core/error.h"
@@ -14,7 +15,6 @@ namespace {
 constexpr uint32_t kTurned = uint32_t{1} << 31;
 constexpr float kDoubt = 0.9f;  // of two places one behind the other: both sides of a plate, or of one noisy sheet
 constexpr uint32_t kNoEdge = ~uint32_t{0};
-constexpr uint64_t kEdgesACell = 5;  // of a surface
 // Of what looks up or down in a component, the share by which one must exceed the other to decide; else its top looks up. Walls have no say.
 constexpr double kPlainlyUp = 0.25;
 // What cells that touch have joined, and looks one way by that share, as the ground does and roofs do, looks up for good, if it is that large, in cells.
@@ -51,7 +51,16 @@ void NormalOrientation::add(const std::vector<Cell>& cells) {
     if (keys_.size() >= kTurned) throw Error(ErrorKind::limit, "2147483648 cells of normals or more: a larger voxel size has fewer");
 }
 
-uint64_t NormalOrientation::memory_bytes() const { return keys_.size() * (sizeof(uint64_t) + 2 * sizeof(Vec3f) + sizeof(uint32_t) + 1 + sizeof(uint32_t) + kEdgesACell * 16); }
+uint64_t NormalOrientation::memory_bytes() const {
+    return keys_.capacity() * sizeof keys_[0] + (places_.capacity() + normals_.capacity()) * sizeof places_[0] + parents_.capacity() * sizeof parents_[0] + ranks_.capacity() +
+           turned_.capacity() / 8;
+}
+
+void NormalOrientation::check_room(uint64_t more, uint64_t memory_bytes) const {
+    if (const uint64_t needed = this->memory_bytes() + more; needed > memory_bytes)
+        throw Error(ErrorKind::limit, "choosing sides for the normals needs " + std::to_string(needed) + " bytes of memory, " + std::to_string(memory_bytes) +
+                                          " are left for it; a larger voxel size needs less, points with normals none");
+}
 
 uint32_t NormalOrientation::root_of(uint32_t cell, bool& turned) {
     turned = false;
@@ -90,7 +99,7 @@ void NormalOrientation::for_neighbors(int reach, const Use& use) {
 
 // Rounds, in each of which every part joins the neighbor that it agrees or disagrees with most: of two parts all edges between them have a vote,
 // so that one that lies across a gap or a thin sheet does not decide for a wall.
-void NormalOrientation::join(int reach) {
+void NormalOrientation::join(int reach, uint64_t memory_bytes) {
     struct Edge {
         uint32_t a, b;  // roots, the lesser first
         int64_t vote;   // for the same side, 2^12 a cell that agrees fully; negative: for the other
@@ -101,6 +110,14 @@ void NormalOrientation::join(int reach) {
         const uint32_t a = root_of(edge.a, a_turned), b = root_of(edge.b, b_turned);
         return Edge{std::min(a, b), std::max(a, b), a_turned == b_turned ? edge.vote : -edge.vote};
     };
+    uint64_t count = 0;
+    for_neighbors(reach, [&](uint32_t a, uint32_t b, const Vec3f&) {
+        bool turned = false;
+        count += root_of(a, turned) != root_of(b, turned);
+    });
+    check_room(count * sizeof(Edge) + keys_.size() * sizeof(uint32_t), memory_bytes);
+    if (count > kNoEdge) throw Error(ErrorKind::limit, "more than 4294967295 edges between cells of normals: a larger voxel size has fewer");
+    edges.reserve(count);
     for_neighbors(reach, [&](uint32_t a, uint32_t b, const Vec3f& step) {
         const Edge edge = between_parts({a, b, std::lround(4096.0f * agreement(normals_[a], normals_[b], step + places_[b] - places_[a]))});
         if (edge.a != edge.b) edges.push_back(edge);
@@ -138,16 +155,17 @@ void NormalOrientation::unite(uint32_t a, uint32_t b, bool turned) {
     parents_[a] = b | (turned ? kTurned : 0);
 }
 
-void NormalOrientation::solve() {
+void NormalOrientation::solve(uint64_t memory_bytes) {
     const auto count = uint32_t(keys_.size());
-    parents_.resize(count);
-    for (uint32_t cell = 0; cell < count; ++cell) parents_[cell] = cell;
-    ranks_.assign(count, 0);
     // What looks up, of each component; at its root.
     struct Up {
         double all = 0.0, either = 0.0, top = 0.0;
         uint64_t highest = 0;  // k
     };
+    check_room(count * (sizeof parents_[0] + sizeof ranks_[0] + sizeof(Up)) + count / 8, memory_bytes);
+    parents_.resize(count);
+    for (uint32_t cell = 0; cell < count; ++cell) parents_[cell] = cell;
+    ranks_.assign(count, 0);
     const auto find_ups = [&] {
         std::vector<Up> ups(count);
         for (uint32_t cell = 0; cell < count; ++cell) {
@@ -160,7 +178,7 @@ void NormalOrientation::solve() {
         }
         return ups;
     };
-    join(1);
+    join(1, memory_bytes);
     components_ = 0;
     {
         // They agree without a vote, which across a gap few and scattered cells would have.
@@ -176,7 +194,7 @@ void NormalOrientation::solve() {
             ++components_;
         }
     }
-    for (int reach = 2; reach <= kMostReach; ++reach) join(reach);
+    for (int reach = 2; reach <= kMostReach; ++reach) join(reach, memory_bytes);
 
     std::vector<Up> ups = find_ups();
     turned_.assign(count, false);
@@ -196,10 +214,11 @@ void NormalOrientation::solve() {
         const bool plainly = std::abs(up.all) > kPlainlyUp * up.either;
         if ((plainly ? up.all : up.top) < 0.0) turned_[cell] = !turned_[cell];
     }
-    places_ = {};
-    normals_ = {};
-    parents_ = {};
-    ranks_ = {};
+    // Given back: to assign {} would keep the memory.
+    places_ = std::vector<Vec3f>();
+    normals_ = std::vector<Vec3f>();
+    parents_ = std::vector<uint32_t>();
+    ranks_ = std::vector<uint8_t>();
 }
 
 bool NormalOrientation::is_turned(const std::array<int32_t, 3>& at) const {

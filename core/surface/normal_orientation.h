@@ -26,14 +26,16 @@ public:
 
     /// Cells in ascending order of k, then j, then i.
     void add(const std::vector<Cell>& cells);
-    /// cost  O(cells log cells), 48 bytes each, and 16 bytes an edge between neighbors, 4 to 5 a cell of a surface
-    void solve();
+    /// memory_bytes  for all of this, what is taken already too
+    /// throws  Error{limit}: that is too little
+    /// cost    O(cells log cells), 72 bytes each, and 16 bytes an edge between neighbors: 4 to 5 a cell of a surface, up to 13 where they lie all about
+    void solve(uint64_t memory_bytes);
     /// After solve(): whether the normals of a cell turn about. false where there is no such cell.
     bool is_turned(const std::array<int32_t, 3>& at) const;
 
     uint64_t cells() const { return keys_.size(); }
     uint64_t components() const { return components_; }
-    /// Taken now, and at most by solve().
+    /// Taken now.
     uint64_t memory_bytes() const;
 
 private:
@@ -41,7 +43,8 @@ private:
     uint32_t root_of(uint32_t cell, bool& turned);
     template <typename Use>
     void for_neighbors(int reach, const Use& use);
-    void join(int reach);
+    void join(int reach, uint64_t memory_bytes);
+    void check_room(uint64_t more, uint64_t memory_bytes) const;
     void unite(uint32_t a, uint32_t b, bool turned);
 
     std::vector<uint64_t> keys_;  // ascending

@@ -18,12 +18,13 @@ struct PointBallsSettings {
     double spacing = 0.0;  // of samples; world units
     double radius = 0.0;   // of balls; world units, from 1 to 6 spacings
     int threads = 1;
-    uint64_t memory_bytes = uint64_t{1} << 30;  // half of it for points, beyond which they go to the scratch store; at most all of it for
-                                                // the bricks of a layer, and as much for the balls that reach into them
+    uint64_t memory_bytes = uint64_t{1} << 30;  // an eighth of it for points, beyond which they go to the scratch store; the rest for those
+                                                // of some layers, the bricks of a layer and the balls that reach into them
     ScratchStore* scratch = nullptr;            // nullptr: all stay in memory
     PointForm form;                             // what is kept of points for those who ask for it
     bool keep_points = false;                   // in window(), those of a cell of half a spacing as one
     std::function<void(uint64_t points)> on_points;  // points read since the last call; from any thread
+    std::function<Box3d(uint64_t outside)> bounds_of_all;  // if set, asked where the bounds leave points out; then all begins again
 };
 
 /// The distance to the union of balls around points, as a scalar field: negative inside, exact to 1/8192 spacing or less in a band of 2 spacings
@@ -37,25 +38,26 @@ public:
     /// cost    20 bytes a point of memory or scratch room
     PointBalls(const PointSource& points, const Box3d& bounds, const PointBallsSettings& settings);
 
-    uint64_t outside() const { return layers_.outside(); }
+    uint64_t outside() const { return layers_->outside(); }
     uint64_t scratch_bytes() const { return scratch_.written_bytes(); }
 
     PointWindow& window() { return window_; }
-    const PointGrid& grid() const { return layers_.grid(); }
+    const PointGrid& grid() const { return layers_->grid(); }
 
-    const GridPlacement& placement() const override { return layers_.grid().placement; }
+    const GridPlacement& placement() const override { return layers_->grid().placement; }
     float background() const override;
     /// throws  Error{limit}: the bricks of one layer do not fit
     bool next_layer(FieldBrickLayer& out) override;
 
 private:
+    uint64_t room() const;
     void load(size_t layer);
     void fill(FieldBrickLayer& out);
 
     PointBallsSettings settings_;
     float reach_;  // spacings
     ScratchBlocks scratch_;
-    PointLayers layers_;
+    std::unique_ptr<PointLayers> layers_;
     PointWindow window_;
     size_t next_ = 0;                                         // layer
     std::array<std::vector<std::array<int32_t, 3>>, 3> near_;  // places of the layer below, this one and the one above; by layer % 3

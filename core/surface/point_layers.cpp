@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cassert>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -9,6 +10,8 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/surface/brick_layers.h"
+#include "core/surface/class_vote.h"
 #include "core/voxel/voxel_record.h"
 
 namespace strata {
@@ -31,30 +34,12 @@ void put_head(std::byte* record, uint64_t layer, const Place& place) {
     std::memcpy(record + sizeof key, place.data(), sizeof place);
 }
 
-float mean_of(const std::vector<float>& numbers) {
-    return numbers.empty() ? std::numeric_limits<float>::quiet_NaN() : float(std::accumulate(numbers.begin(), numbers.end(), 0.0) / double(numbers.size()));
-}
-
-// The least of those that are equally frequent.
-float most_frequent(std::vector<float>& numbers) {
-    std::sort(numbers.begin(), numbers.end());
-    float found = std::numeric_limits<float>::quiet_NaN();
-    size_t most = 0;
-    for (size_t begin = 0, end; begin < numbers.size(); begin = end) {
-        for (end = begin + 1; end < numbers.size() && numbers[end] == numbers[begin];) ++end;
-        if (end - begin > most) {
-            most = end - begin;
-            found = numbers[begin];
-        }
-    }
-    return found;
-}
-
 // Writes what is kept of a source's points.
 class RecordMaker {
 public:
     RecordMaker(const PointForm& form, const std::vector<Attribute>& attributes) : form_(form), attributes_(attributes) {
         if (form.colors) want(rgb_ = find_attribute(attributes, attribute_name::kRgb));
+        assert(!form.colors || rgb_ >= 0);
         for (size_t axis = 0; axis < 3; ++axis) normal_[axis] = find_attribute(attributes, attribute_name::kNormal[axis]);
         has_normals_ = form.normals && *std::min_element(normal_.begin(), normal_.end()) >= 0;
         if (has_normals_)
@@ -107,6 +92,119 @@ private:
     NormalCount normals_;
 };
 
+// What the records of a layer are sorted by.
+struct CellRecord {
+    uint64_t cell;  // j and i of the brick, then k, j and i of the cell of half a spacing in it
+    uint32_t record;
+
+    uint64_t brick() const { return cell >> 12; }
+    BrickPlace corner() const { return {int32_t(cell >> 12 & 0xffff) * kFieldBrickSide, int32_t(cell >> 40) * kFieldBrickSide}; }
+};
+
+void check_room(uint64_t points, uint64_t bytes_each, uint64_t memory_bytes) {
+    if (points <= ~uint32_t{0} && points * bytes_each <= memory_bytes) return;
+    throw Error(ErrorKind::limit, "the points of one layer of bricks need " + std::to_string(points * bytes_each) + " bytes of memory, " + std::to_string(memory_bytes) +
+                                      " are left of what is allowed; fewer points, or a smaller voxel size, need less");
+}
+
+// Adds points to a layer, each made of one record or of several.
+class PointMaker {
+public:
+    PointMaker(const PointForm& form, const PointGrid& grid, size_t layer, PointLayer& out) : form_(form), grid_(grid), layer_(layer), out_(out) {}
+
+    void reserve(size_t points, size_t bricks) {
+        out_.corners.reserve(bricks);
+        out_.begins.reserve(bricks + 1);
+        out_.places.reserve(points);
+        if (form_.colors) out_.colors.reserve(points);
+        if (form_.normals) out_.normals.reserve(points);
+        out_.scalars.reserve(points * form_.scalars.size());
+    }
+
+    void add(const std::vector<std::byte>& records, std::span<const CellRecord> some) {
+        const BrickPlace corner = some[0].corner();
+        if (out_.corners.empty() || out_.corners.back() != corner) {
+            out_.corners.push_back(corner);
+            out_.begins.push_back(uint32_t(out_.points()));
+        }
+        records_.clear();
+        for (const CellRecord& one : some) records_.push_back(records.data() + size_t{one.record} * form_.record_bytes());
+        out_.places.push_back(mean_place(corner));
+        if (form_.colors) out_.colors.push_back(mean_color());
+        if (form_.normals) out_.normals.push_back(direction());
+        for (size_t s = 0; s < form_.scalars.size(); ++s) out_.scalars.push_back(form_.scalars[s].is_class ? class_of(s) : mean_of(s));
+    }
+
+private:
+    // From the least sample of the brick, spacings.
+    Vec3f mean_place(const BrickPlace& corner) const {
+        std::array<int64_t, 3> sums = {};
+        for (const std::byte* record : records_) {
+            const Place place = place_in(record);
+            for (size_t axis = 0; axis < 3; ++axis) sums[axis] += place[axis];
+        }
+        const auto count = int64_t(records_.size());
+        const std::array<int64_t, 3> least = {corner[0], corner[1], int64_t(layer_) * kFieldBrickSide};
+        Vec3f place;
+        for (size_t axis = 0; axis < 3; ++axis) {
+            const int64_t mean = (sums[axis] + count / 2) / count;
+            place[int(axis)] = float(double(mean - least[axis] * int64_t(grid_.units)) / grid_.units);
+        }
+        return place;
+    }
+    std::array<uint16_t, 3> mean_color() const {
+        std::array<uint64_t, 3> sums = {};
+        for (const std::byte* record : records_) {
+            std::array<uint16_t, 3> rgb;
+            std::memcpy(rgb.data(), record + form_.color_at(), sizeof rgb);
+            for (size_t c = 0; c < 3; ++c) sums[c] += rgb[c];
+        }
+        std::array<uint16_t, 3> mean;
+        for (size_t c = 0; c < 3; ++c) mean[c] = uint16_t(std::lround(double(sums[c]) / double(records_.size())));
+        return mean;
+    }
+    // Of the sum of normals; those that cancel say nothing.
+    Vec3f direction() const {
+        Vec3d sum = Vec3d::Zero();
+        for (const std::byte* record : records_) {
+            Vec3f unit;
+            std::memcpy(unit.data(), record + form_.normal_at(), 3 * sizeof(float));
+            if (records_.size() == 1) return unit;
+            sum += unit.cast<double>();
+        }
+        return sum.norm() > 1e-3 * double(records_.size()) ? Vec3f(sum.normalized().cast<float>()) : Vec3f(Vec3f::Zero());
+    }
+    float number_in(const std::byte* record, size_t scalar) const {
+        float number;
+        std::memcpy(&number, record + form_.scalars_at() + 4 * scalar, sizeof number);
+        return number;
+    }
+    float mean_of(size_t scalar) const {
+        double sum = 0.0;
+        size_t known = 0;
+        for (const std::byte* record : records_) {
+            const float number = number_in(record, scalar);
+            if (std::isnan(number)) continue;
+            sum += double(number);
+            ++known;
+        }
+        return known == 0 ? std::numeric_limits<float>::quiet_NaN() : float(sum / double(known));
+    }
+    float class_of(size_t scalar) {
+        votes_.clear();
+        for (const std::byte* record : records_)
+            if (const float number = number_in(record, scalar); !std::isnan(number)) votes_.push_back({number, 1.0});
+        return most_voted(votes_);
+    }
+
+    const PointForm& form_;
+    const PointGrid& grid_;
+    size_t layer_;
+    PointLayer& out_;
+    std::vector<const std::byte*> records_;  // of the point that is made
+    std::vector<ClassVote> votes_;
+};
+
 }  // namespace
 
 PointGrid PointGrid::around(const Box3d& bounds, double spacing, double reach) {
@@ -118,19 +216,20 @@ PointGrid PointGrid::around(const Box3d& bounds, double spacing, double reach) {
     for (int axis = 0; axis < 3; ++axis) {
         const double first = std::floor((bounds.min[axis] - reach * spacing) / side) - 1.0;
         const double last = std::floor((bounds.max[axis] + reach * spacing) / side) + 1.0;
+        if (!(last >= first)) throw Error(ErrorKind::limit, "no bounds to lay samples in");
         if (!(last - first < double(1 << 15)))
             throw Error(ErrorKind::limit, "more than 2^18 samples along an axis; a larger spacing has fewer");
         grid.placement.origin[axis] = first * side;
-        most = std::max(most, (last - first + 1.0) * kFieldBrickSide);
-        if (axis == 2) grid.layers = uint64_t(last - first) + 1;
+        grid.bricks[size_t(axis)] = uint64_t(last - first) + 1;
+        most = std::max(most, double(grid.bricks[size_t(axis)]) * kFieldBrickSide);
     }
     grid.placement.axes = spacing * Mat3d::Identity();
     for (grid.units = kMostUnits; most * grid.units > 0x1p31;) grid.units /= 2.0;
     return grid;
 }
 
-size_t PointLayer::find(const std::array<int32_t, 2>& corner) const {
-    const auto found = std::lower_bound(corners.begin(), corners.end(), corner, [](const auto& a, const auto& b) { return a[1] != b[1] ? a[1] < b[1] : a[0] < b[0]; });
+size_t find_brick(const std::vector<std::array<int32_t, 2>>& corners, const std::array<int32_t, 2>& corner) {
+    const auto found = std::lower_bound(corners.begin(), corners.end(), corner, comes_before);
     return found != corners.end() && *found == corner ? size_t(found - corners.begin()) : corners.size();
 }
 
@@ -141,16 +240,19 @@ uint64_t PointLayer::memory_bytes() const {
 
 PointLayers::PointLayers(const PointGrid& grid, const PointForm& form, uint64_t memory_bytes, ScratchBlocks& scratch)
     : grid_(grid), form_(form), pool_(kBlockBytes, scratch.present() ? std::max<uint64_t>(memory_bytes, kBlockBytes) : ~uint64_t{0}) {
-    std::vector<uint64_t> first_codes(grid.layers);
+    std::vector<uint64_t> first_codes(grid.bricks[2]);
     std::iota(first_codes.begin(), first_codes.end(), uint64_t{0});
     buckets_ = std::make_unique<RecordBuckets>(std::move(first_codes), form_.record_bytes(), pool_, scratch);
 }
 
 PointLayers::~PointLayers() = default;
 
-void PointLayers::distribute(const PointSource& points, int threads, const std::function<void(uint64_t points)>& on_points) {
+uint64_t PointLayers::distribute(const PointSource& points, int threads, const std::function<void(uint64_t points)>& on_points) {
     const Quantization& quantization = points.info().quantization;
-    const double side = kFieldBrickSide * grid_.units, limit = double(grid_.layers) * side, width = 0x1p31 - 1.0;
+    const double side = kFieldBrickSide * grid_.units;
+    // What rounds to a place within.
+    const Eigen::Array3d least = Eigen::Array3d::Constant(side - 0.5);
+    const Eigen::Array3d limit = side * (Eigen::Array3d(double(grid_.bricks[0]), double(grid_.bricks[1]), double(grid_.bricks[2])) - 1.0) - 0.5;
     const size_t size = form_.record_bytes();
     std::atomic<uint64_t> next = 0, outside = 0, normals = 0, up = 0;
     std::atomic<bool> failed = false;
@@ -166,8 +268,8 @@ void PointLayers::distribute(const PointSource& points, int threads, const std::
                 places.resize(batch.size);
                 order.clear();
                 for (size_t i = 0; i < batch.size; ++i) {
-                    const Vec3d p = (quantization.world_from_quanta({batch.x[i], batch.y[i], batch.z[i]}) - grid_.placement.origin) / grid_.spacing * grid_.units;
-                    if (!(p.minCoeff() >= 0.0 && p.maxCoeff() < width && p.z() < limit - 1.0)) {
+                    const Eigen::Array3d p = (quantization.world_from_quanta({batch.x[i], batch.y[i], batch.z[i]}) - grid_.placement.origin).array() / grid_.spacing * grid_.units;
+                    if (!((p >= least).all() && (p < limit).all())) {
                         ++outside;
                         continue;
                     }
@@ -191,8 +293,9 @@ void PointLayers::distribute(const PointSource& points, int threads, const std::
             throw;
         }
     });
-    outside_ = outside;
-    normals_ = {normals, up};
+    outside_ += outside;
+    normals_.add({normals, up});
+    return outside;
 }
 
 void PointLayers::add(size_t layer, const PointLayer& points) {
@@ -214,13 +317,40 @@ void PointLayers::add(size_t layer, const PointLayer& points) {
     }
 }
 
-void PointLayers::take_places(size_t layer, std::vector<std::array<int32_t, 3>>& out) {
-    const size_t size = form_.record_bytes();
+void PointLayers::take_places(size_t layer, uint64_t memory_bytes, std::vector<std::array<int32_t, 3>>& out) {
     out.clear();
+    check_room(points(layer), sizeof out[0], memory_bytes);
+    const size_t size = form_.record_bytes();
     out.reserve(points(layer));
     buckets_->take(layer, [&](std::span<const std::byte> bytes) {
         for (size_t at = 0; at < bytes.size(); at += size) out.push_back(place_in(bytes.data() + at));
     });
+}
+
+struct PointLayers::Sorted {
+    std::vector<std::byte> records;
+    std::vector<CellRecord> order;
+};
+
+PointLayers::Sorted PointLayers::read_sorted(size_t layer) {
+    const size_t size = form_.record_bytes(), count = size_t(points(layer));
+    Sorted sorted;
+    sorted.records.reserve(count * size);
+    buckets_->take(layer, [&](std::span<const std::byte> bytes) { sorted.records.insert(sorted.records.end(), bytes.begin(), bytes.end()); });
+    const double per_cell = 2.0 / grid_.units;
+    sorted.order.resize(count);
+    for (size_t n = 0; n < count; ++n) {
+        const Place place = place_in(sorted.records.data() + n * size);
+        std::array<uint64_t, 3> cell;
+        for (size_t axis = 0; axis < 3; ++axis) cell[axis] = uint64_t(double(place[axis]) * per_cell);
+        sorted.order[n] = {(cell[1] >> 4) << 40 | (cell[0] >> 4) << 12 | (cell[2] & 15) << 8 | (cell[1] & 15) << 4 | (cell[0] & 15), uint32_t(n)};
+    }
+    // Of points in one cell, their records decide: where all bytes are the same, either may come first.
+    const auto rest = [&](uint32_t n) { return sorted.records.data() + size_t{n} * size + sizeof(uint64_t); };
+    std::sort(sorted.order.begin(), sorted.order.end(), [&](const CellRecord& a, const CellRecord& b) {
+        return a.cell != b.cell ? a.cell < b.cell : std::memcmp(rest(a.record), rest(b.record), size - sizeof(uint64_t)) < 0;
+    });
+    return sorted;
 }
 
 PointLayer PointLayers::take(size_t layer, bool merge, uint64_t memory_bytes, std::vector<std::array<int32_t, 3>>* places) {
@@ -229,78 +359,24 @@ PointLayer PointLayers::take(size_t layer, bool merge, uint64_t memory_bytes, st
     const uint64_t count = points(layer);
     if (count == 0) return out;
     const size_t size = form_.record_bytes();
-    struct Order {
-        uint64_t cell;  // j and i of the brick, then k, j and i of the cell of half a spacing in it
-        uint32_t record;
-    };
-    if (count > ~uint32_t{0} || count * (2 * size + sizeof(Order)) > memory_bytes)
-        throw Error(ErrorKind::limit, "the points of one layer of bricks need " + std::to_string(count * (2 * size + sizeof(Order))) + " bytes of memory, " + std::to_string(memory_bytes) +
-                                          " are allowed; fewer points, or a smaller voxel size, need less");
-    std::vector<std::byte> records;
-    records.reserve(count * size);
-    buckets_->take(layer, [&](std::span<const std::byte> bytes) { records.insert(records.end(), bytes.begin(), bytes.end()); });
-
-    const double per_cell = 2.0 / grid_.units;
-    std::vector<Order> order(count);
-    for (size_t n = 0; n < count; ++n) {
-        const Place place = place_in(records.data() + n * size);
-        if (places != nullptr) places->push_back(place);
-        std::array<uint64_t, 3> cell;
-        for (size_t axis = 0; axis < 3; ++axis) cell[axis] = uint64_t(double(place[axis]) * per_cell);
-        order[n] = {(cell[1] >> 4) << 40 | (cell[0] >> 4) << 12 | (cell[2] & 15) << 8 | (cell[1] & 15) << 4 | (cell[0] & 15), uint32_t(n)};
+    // As records, sorted, and as what is made of them.
+    check_room(count, 2 * size + sizeof(CellRecord) + (places != nullptr ? sizeof(Place) : 0), memory_bytes);
+    const Sorted sorted = read_sorted(layer);
+    if (places != nullptr) {
+        places->reserve(count);
+        for (size_t n = 0; n < count; ++n) places->push_back(place_in(sorted.records.data() + n * size));
     }
-    // Of points in one cell, their records decide: where all bytes are the same, either may come first.
-    const auto rest = [&](uint32_t n) { return records.data() + size_t{n} * size + sizeof(uint64_t); };
-    std::sort(order.begin(), order.end(), [&](const Order& a, const Order& b) {
-        return a.cell != b.cell ? a.cell < b.cell : std::memcmp(rest(a.record), rest(b.record), size - sizeof(uint64_t)) < 0;
-    });
-
-    std::vector<float> numbers;
+    const std::vector<CellRecord>& order = sorted.order;
+    size_t cells = 1, bricks = 1;
+    for (size_t n = 1; n < count; ++n) {
+        cells += order[n].cell != order[n - 1].cell;
+        bricks += order[n].brick() != order[n - 1].brick();
+    }
+    PointMaker maker(form_, grid_, layer, out);
+    maker.reserve(merge ? cells : count, bricks);
     for (size_t begin = 0, end; begin < count; begin = end) {
         for (end = begin + 1; merge && end < count && order[end].cell == order[begin].cell;) ++end;
-        const double n = double(end - begin);
-        const std::array<int32_t, 2> corner = {int32_t(order[begin].cell >> 12 & 0xffff) * kFieldBrickSide, int32_t(order[begin].cell >> 40) * kFieldBrickSide};
-        if (out.corners.empty() || out.corners.back() != corner) {
-            out.corners.push_back(corner);
-            out.begins.push_back(uint32_t(out.points()));
-        }
-        std::array<int64_t, 3> sums = {};
-        std::array<uint64_t, 3> color = {};
-        Vec3d normal = Vec3d::Zero();
-        for (size_t m = begin; m < end; ++m) {
-            const std::byte* const record = records.data() + size_t{order[m].record} * size;
-            const Place place = place_in(record);
-            for (size_t axis = 0; axis < 3; ++axis) sums[axis] += place[axis];
-            std::array<uint16_t, 3> rgb = {};
-            if (form_.colors) std::memcpy(rgb.data(), record + form_.color_at(), sizeof rgb);
-            for (size_t c = 0; c < 3; ++c) color[c] += rgb[c];
-            Vec3f unit = Vec3f::Zero();
-            if (form_.normals) std::memcpy(unit.data(), record + form_.normal_at(), 3 * sizeof(float));
-            normal += unit.cast<double>();
-        }
-        const std::array<int64_t, 3> least = {corner[0], corner[1], int64_t(layer) * kFieldBrickSide};
-        Vec3f place;
-        for (size_t axis = 0; axis < 3; ++axis) {
-            const int64_t mean = (sums[axis] + int64_t(end - begin) / 2) / int64_t(end - begin);
-            place[int(axis)] = float(double(mean - least[axis] * int64_t(grid_.units)) / grid_.units);
-        }
-        out.places.push_back(place);
-        if (form_.colors) {
-            std::array<uint16_t, 3> rgb;
-            for (size_t c = 0; c < 3; ++c) rgb[c] = uint16_t(std::lround(double(color[c]) / n));
-            out.colors.push_back(rgb);
-        }
-        // Normals that cancel say nothing.
-        if (form_.normals) out.normals.push_back(normal.norm() > 1e-3 * n ? Vec3f(normal.normalized().cast<float>()) : Vec3f(Vec3f::Zero()));
-        for (size_t s = 0; s < form_.scalars.size(); ++s) {
-            numbers.clear();
-            for (size_t m = begin; m < end; ++m) {
-                float number;
-                std::memcpy(&number, records.data() + size_t{order[m].record} * size + form_.scalars_at() + 4 * s, sizeof number);
-                if (!std::isnan(number)) numbers.push_back(number);
-            }
-            out.scalars.push_back(form_.scalars[s].is_class ? most_frequent(numbers) : mean_of(numbers));
-        }
+        maker.add(sorted.records, {order.data() + begin, end - begin});
     }
     out.begins.push_back(uint32_t(out.points()));
     return out;

@@ -19,11 +19,52 @@
 namespace strata {
 namespace {
 
-constexpr double kLeastRadius = 2.0, kMostRadius = 7.0;  // spacings; within the layers next to a sample's
+constexpr uint64_t kRecordParts = 8;  // of the memory one is for records of points, and one for the same with normals
 // Spacings: between neighboring samples on different sides of a surface the field changes by about one. Where it changes by more, each is at a
 // sheet of its own, and none is between.
 constexpr float kMostStep = 1.75f;
 constexpr int kOrientationCell = 1;                      // samples
+
+constexpr size_t kSide = kFieldBrickSide, kPlane = kSide * kSide;
+
+// Samples of a brick from which it is no surface that the field changes to a neighbor's sign.
+class JumpFinder {
+public:
+    /// found  gets the samples, some perhaps twice
+    JumpFinder(float most, const float* values, std::vector<uint16_t>& found) : most_(most), values_(values), found_(found) {}
+
+    void within() {
+        for (size_t at = 0; at < kFieldBrickSamples; ++at) {
+            if (std::isnan(values_[at])) continue;
+            for (const size_t step : {size_t{1}, kSide, kPlane}) {
+                const size_t place = at / step % kSide;
+                if (place > 0) compare(at, values_[at - step], false);
+                if (place + 1 < kSide) compare(at, values_[at + step], false);
+            }
+        }
+    }
+    /// To the next brick along i or j.
+    void across(int axis, bool upper, const float* other) {
+        const size_t step = axis == 0 ? 1 : kSide, along = axis == 0 ? kSide : 1, last = (kSide - 1) * step, here = upper ? last : 0, there = upper ? 0 : last;
+        for (size_t k = 0; k < kSide; ++k)
+            for (size_t n = 0; n < kSide; ++n) compare(k * kPlane + n * along + here, other[k * kPlane + n * along + there], false);
+    }
+    /// top  samples of the brick below
+    void from_below(const float* top) {
+        for (size_t n = 0; n < kPlane; ++n) compare(n, top[n], true);
+    }
+
+private:
+    void compare(size_t at, float other, bool anyway) {
+        const float value = values_[at];
+        const bool is_jump = (value < 0.0f) != (other < 0.0f) && std::abs(value) + std::abs(other) > most_;
+        if (is_jump && (anyway || std::abs(value) >= std::abs(other))) found_.push_back(uint16_t(at));
+    }
+
+    float most_;
+    const float* values_;
+    std::vector<uint16_t>& found_;
+};
 
 // The cell in which the side of a point's normal is chosen.
 std::array<int32_t, 3> orientation_cell(const std::array<int32_t, 2>& corner, size_t layer, const Vec3f& place) {
@@ -33,12 +74,15 @@ std::array<int32_t, 3> orientation_cell(const std::array<int32_t, 2>& corner, si
 
 PointGrid grid_of(const Box3d& bounds, const PointSurfaceSettings& settings) {
     const double steps = settings.radius / settings.spacing;
-    if (!(settings.spacing > 0.0 && steps >= kLeastRadius && steps <= kMostRadius))
+    if (!(settings.spacing > 0.0 && steps >= settings.kLeastReach && steps <= settings.kMostReach))
         throw Error(ErrorKind::usage, "the radius of a smooth surface is from 2 to 7 spacings of samples");
     return PointGrid::around(bounds, settings.spacing, steps);
 }
 
 // Turns the normals of a layer's points to agree within each cell, and adds the cells, in their order.
+// cost  cell_bytes(points) for the while
+uint64_t cell_bytes(const PointLayer& points) { return points.points() * sizeof(NormalOrientation::Cell); }
+
 void gather_cells(size_t layer, PointLayer& points, NormalOrientation& orientation) {
     struct Sum {
         Vec3f normal = Vec3f::Zero(), place = Vec3f::Zero();
@@ -46,6 +90,7 @@ void gather_cells(size_t layer, PointLayer& points, NormalOrientation& orientati
     };
     constexpr size_t kAlong = kFieldBrickSide / kOrientationCell;
     std::vector<NormalOrientation::Cell> cells;
+    cells.reserve(points.points());
     for (size_t b = 0; b < points.corners.size(); ++b) {
         std::array<Sum, kAlong * kAlong * kAlong> sums = {};
         const auto slot = [&](const Vec3f& place) {
@@ -79,11 +124,10 @@ void gather_cells(size_t layer, PointLayer& points, NormalOrientation& orientati
 }  // namespace
 
 PointSurface::PointSurface(const PointSource& points, const Box3d& bounds, const PointSurfaceSettings& settings)
-    : settings_(settings), grid_(grid_of(bounds, settings)), radius_(float(settings.radius / settings.spacing)), scratch_(settings.scratch) {
-    PointForm& form = settings_.form;
-    form.normals = true;
-    layers_ = std::make_unique<PointLayers>(grid_, form, settings.memory_bytes / 4, scratch_);
-    layers_->distribute(points, settings.threads, settings.on_points);
+    : settings_(settings), radius_(float(settings.radius / settings.spacing)), scratch_(settings.scratch) {
+    settings_.form.normals = true;
+    distribute(points, bounds);
+    if (layers_->outside() > 0 && settings_.bounds_of_all) distribute(points, settings_.bounds_of_all(layers_->outside()));
     report_.outside = layers_->outside();
     const NormalCount& found = layers_->normals();
     report_.has_normals = found.points > 0;
@@ -94,18 +138,28 @@ PointSurface::PointSurface(const PointSource& points, const Box3d& bounds, const
 
 float PointSurface::background() const { return std::numeric_limits<float>::quiet_NaN(); }
 
+void PointSurface::distribute(const PointSource& points, const Box3d& bounds) {
+    layers_ = nullptr;
+    grid_ = grid_of(bounds, settings_);
+    layers_ = std::make_unique<PointLayers>(grid_, settings_.form, settings_.memory_bytes / kRecordParts, scratch_);
+    layers_->distribute(points, settings_.threads, settings_.on_points);
+}
+
 // Goes through the points once: of each cell of half a spacing one is left, with a normal.
 void PointSurface::find_normals(bool fit, bool turn) {
-    auto done = std::make_unique<PointLayers>(grid_, settings_.form, settings_.memory_bytes / 4, scratch_);
+    auto done = std::make_unique<PointLayers>(grid_, settings_.form, settings_.memory_bytes / kRecordParts, scratch_);
     NormalOrientation orientation;
     std::array<std::shared_ptr<PointLayer>, 3> near;
+    const auto held = [&] {
+        uint64_t bytes = 2 * (settings_.memory_bytes / kRecordParts) + orientation.memory_bytes();
+        for (const auto& other : near) bytes += other ? other->memory_bytes() : 0;
+        return bytes;
+    };
     const auto read = [&](size_t layer) {
-        uint64_t held = 0;
-        for (const auto& other : near) held += other ? other->memory_bytes() : 0;
-        near[layer % 3] = layer < layers_->size() ? std::make_shared<PointLayer>(layers_->take(layer, true, settings_.memory_bytes - std::min(held, settings_.memory_bytes))) : nullptr;
+        near[layer % 3] = nullptr;
+        if (layer < layers_->size()) near[layer % 3] = std::make_shared<PointLayer>(layers_->take(layer, true, left_beside(held())));
     };
     read(0);
-    std::vector<Vec3f> fitted;
     for (size_t layer = 0; layer < layers_->size(); ++layer) {
         read(layer + 1);
         PointLayer& points = *near[layer % 3];
@@ -120,27 +174,35 @@ void PointSurface::find_normals(bool fit, bool turn) {
                     const Vec3d place = grid_.placement.world_from_index(Vec3d(points.corners[b][0], points.corners[b][1], double(layer) * kFieldBrickSide) + points.places[p].cast<double>());
                     if (points.normals[p].cast<double>().dot(*settings_.viewpoint - place) < 0.0) points.normals[p] = -points.normals[p];
                 }
-        else if (turn) gather_cells(layer, points, orientation);
-        if (orientation.memory_bytes() > settings_.memory_bytes)
-            throw Error(ErrorKind::limit, "choosing sides for the normals needs more than the allowed memory of " + std::to_string(settings_.memory_bytes) +
-                                              " bytes; a larger voxel size needs less, points with normals none");
+        else if (turn) {
+            if (const uint64_t needed = held() + cell_bytes(points); needed > settings_.memory_bytes)
+                throw Error(ErrorKind::limit, "choosing sides for the normals needs " + std::to_string(needed) + " bytes of memory, " + std::to_string(settings_.memory_bytes) +
+                                                  " are allowed; a larger voxel size needs less, points with normals none");
+            gather_cells(layer, points, orientation);
+        }
         done->add(layer, points);
     }
     layers_ = std::move(done);
     if (!turn) return;
-    orientation.solve();
+    near = {};
+    orientation.solve(left_beside(settings_.memory_bytes / kRecordParts));
     report_.components = orientation.components();
     orientation_ = std::move(orientation);
+}
+
+// What is left beside records, layers of points, cells and the samples that are kept: all of it known from the points alone.
+uint64_t PointSurface::room() const {
+    uint64_t held = settings_.memory_bytes / kRecordParts + orientation_.memory_bytes() + top_.memory_bytes() + window_.memory_bytes();
+    if (!settings_.keep_points)
+        for (const auto& other : near_) held += other ? other->memory_bytes() : 0;
+    return left_beside(held);
 }
 
 void PointSurface::load(size_t layer) {
     std::shared_ptr<const PointLayer>& slot = near_[layer % 3];
     slot = nullptr;
     if (layers_->points(layer) == 0) return;
-    uint64_t held = window_.memory_bytes();
-    if (!settings_.keep_points)
-        for (const auto& other : near_) held += other ? other->memory_bytes() : 0;
-    auto points = std::make_shared<PointLayer>(layers_->take(layer, false, settings_.memory_bytes - std::min(held, settings_.memory_bytes)));
+    auto points = std::make_shared<PointLayer>(layers_->take(layer, false, room()));
     if (orientation_.cells() > 0)
         for (size_t b = 0; b < points->corners.size(); ++b)
             for (uint32_t p = points->begins[b]; p < points->begins[b + 1]; ++p)
@@ -153,9 +215,11 @@ bool PointSurface::next_layer(FieldBrickLayer& out) {
     for (; next_ < layers_->size(); ++next_) {
         if (next_ == 0) load(0);
         load(next_ + 1);
-        if (!near_[0] && !near_[1] && !near_[2]) continue;
         out.k = int32_t(next_) * kFieldBrickSide;
-        fill(out);
+        out.corners.clear();
+        out.values.clear();
+        if (near_[0] || near_[1] || near_[2]) fill(out);
+        window_.pass(next_, !out.corners.empty());
         if (out.corners.empty()) continue;
         ++next_;
         return true;
@@ -168,9 +232,10 @@ void PointSurface::fill(FieldBrickLayer& out) {
     const auto at = [&](size_t other) { return near_[other % 3].get(); };
     const std::array<const PointLayer*, 3> around = {layer > 0 ? at(layer + 2) : nullptr, at(layer), at(layer + 1)};
     out.corners = corners_around(around);
-    if (out.corners.size() * kFieldBrickSamples * sizeof(float) > settings_.memory_bytes)
-        throw Error(ErrorKind::limit, "one layer of bricks needs " + std::to_string(out.corners.size() * kFieldBrickSamples * sizeof(float)) + " bytes of memory, " +
-                                          std::to_string(settings_.memory_bytes) + " are allowed; a larger voxel size needs less");
+    const uint64_t needed = out.corners.size() * ((kFieldBrickSamples + kPlane) * sizeof(float) + 2 * sizeof out.corners[0]), room = this->room();
+    if (needed > room)
+        throw Error(ErrorKind::limit, "one layer of bricks needs " + std::to_string(needed) + " bytes of memory, " + std::to_string(room) +
+                                          " are left of what is allowed; a larger voxel size needs less");
     out.values.resize(out.corners.size() * kFieldBrickSamples);
     std::vector<uint8_t> reached(out.corners.size());
     const float spacing = float(settings_.spacing);
@@ -199,44 +264,22 @@ void PointSurface::fill(FieldBrickLayer& out) {
 // Of neighboring samples that no surface is between, although their signs differ, the one that is farther from its sheet is not known; across layers
 // that of the upper one, as the other is gone.
 void PointSurface::drop_jumps(FieldBrickLayer& out) {
-    constexpr size_t kSide = kFieldBrickSide, kPlane = kSide * kSide;
     const size_t bricks = out.corners.size();
-    const float most = kMostStep * float(settings_.spacing);
-    const auto find = [](const std::vector<std::array<int32_t, 2>>& corners, const std::array<int32_t, 2>& wanted) {
-        const auto found = std::lower_bound(corners.begin(), corners.end(), wanted, [](const auto& a, const auto& b) { return a[1] != b[1] ? a[1] < b[1] : a[0] < b[0]; });
-        return found != corners.end() && *found == wanted ? size_t(found - corners.begin()) : corners.size();
-    };
-    const auto is_jump = [&](float a, float b) { return (a < 0.0f) != (b < 0.0f) && std::abs(a) + std::abs(b) > most; };
     std::vector<std::vector<uint16_t>> dropped(bricks);
     const bool follows = top_.k + kFieldBrickSide == out.k;
     parallel_blocks(settings_.threads, bricks, 32, [&](size_t begin, size_t end) {
         for (size_t b = begin; b < end; ++b) {
-            const float* const values = out.values.data() + b * kFieldBrickSamples;
-            const auto compare = [&](size_t at, float other, bool anyway) {
-                if (is_jump(values[at], other) && (anyway || std::abs(values[at]) >= std::abs(other))) dropped[b].push_back(uint16_t(at));
-            };
-            for (size_t at = 0; at < kFieldBrickSamples; ++at) {
-                if (std::isnan(values[at])) continue;
-                for (const size_t step : {size_t{1}, kSide, kPlane}) {
-                    const size_t place = at / step % kSide;
-                    if (place > 0) compare(at, values[at - step], false);
-                    if (place + 1 < kSide) compare(at, values[at + step], false);
-                }
-            }
-            const std::array<int32_t, 2> corner = out.corners[b];
+            JumpFinder jumps(kMostStep * float(settings_.spacing), out.values.data() + b * kFieldBrickSamples, dropped[b]);
+            jumps.within();
             for (const int axis : {0, 1})
                 for (const bool upper : {false, true}) {
-                    std::array<int32_t, 2> beside = corner;
+                    std::array<int32_t, 2> beside = out.corners[b];
                     beside[size_t(axis)] += upper ? kFieldBrickSide : -kFieldBrickSide;
-                    const size_t other = find(out.corners, beside);
-                    if (other == bricks) continue;
-                    const size_t step = axis == 0 ? 1 : kSide, across = axis == 0 ? kSide : 1, here = upper ? (kSide - 1) * step : 0, there = upper ? 0 : (kSide - 1) * step;
-                    for (size_t k = 0; k < kSide; ++k)
-                        for (size_t n = 0; n < kSide; ++n)
-                            compare(k * kPlane + n * across + here, out.values[other * kFieldBrickSamples + k * kPlane + n * across + there], false);
+                    const size_t other = find_brick(out.corners, beside);
+                    if (other < bricks) jumps.across(axis, upper, out.values.data() + other * kFieldBrickSamples);
                 }
-            if (const size_t below = follows ? find(top_.corners, corner) : top_.corners.size(); below < top_.corners.size())
-                for (size_t n = 0; n < kPlane; ++n) compare(n, top_.values[below * kPlane + n], true);
+            const size_t below = follows ? find_brick(top_.corners, out.corners[b]) : top_.corners.size();
+            if (below < top_.corners.size()) jumps.from_below(top_.values.data() + below * kPlane);
         }
     });
     top_.k = out.k;

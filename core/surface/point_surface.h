@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -17,15 +18,18 @@ namespace strata {
 
 struct PointSurfaceSettings {
     double spacing = 0.0;  // of samples; world units
-    double radius = 0.0;   // of what a point has a say in; world units, from 2 to 7 spacings
+    double radius = 0.0;   // of what a point has a say in; world units, from kLeastReach to kMostReach spacings
     std::optional<Vec3d> viewpoint;  // world: normals look there
     PointForm form;                  // what is kept of points for those who ask for it; normals are found out
     bool keep_points = false;        // in window()
     int threads = 1;
-    uint64_t memory_bytes = uint64_t{1} << 30;  // half of it for points, beyond which they go to the scratch store; at most all of it for
-                                                // each of: layers of points that are read, cells by which normals are turned, bricks of a layer
+    uint64_t memory_bytes = uint64_t{1} << 30;  // a quarter of it for points, beyond which they go to the scratch store; the rest for layers
+                                                // of them that are read, cells by which normals are turned, and the bricks of a layer
     ScratchStore* scratch = nullptr;            // nullptr: all stay in memory
     std::function<void(uint64_t points)> on_points;  // points read since the last call; from any thread
+    std::function<Box3d(uint64_t outside)> bounds_of_all;  // if set, asked where the bounds leave points out; then all begins again
+
+    static constexpr double kLeastReach = 2.0, kMostReach = 7.0;  // within the layers next to a sample's
 };
 
 /// What was found out of points on the way.
@@ -41,7 +45,7 @@ struct PointSurfaceReport {
 /// A smooth surface near points with normals, as a scalar field that is 0 on it, negative behind it: at each sample the mean of the distances
 /// to the planes of the points within the radius, near ones with more weight. NaN where there is no surface to be sure of: away from
 /// points, beyond the edge of what they cover by more than about a third of the radius, where they lie on planes that differ by much, or where fewer than
-/// three have a say. So the surface is open where the points end; gaps narrower than about the radius are closed.
+/// kLeastPoints have a say (near_points.h). So the surface is open where the points end; gaps narrower than about the radius are closed.
 /// Points in a cell of half a spacing count once. Normals are those of the points (attributes NormalX, NormalY, NormalZ) where
 /// there are any, else fitted (layer_normals.h); if these, or all of the points' look up, as those do that were fitted without a viewpoint,
 /// their sides are chosen (normal_orientation.h). Points are read once; neither threads nor memory show.
@@ -66,6 +70,18 @@ public:
     bool next_layer(FieldBrickLayer& out) override;
 
 private:
+    // The uppermost samples of the layer before.
+    struct Top {
+        int32_t k = 0;
+        std::vector<std::array<int32_t, 2>> corners;
+        std::vector<float> values;  // [corners * 64]
+
+        uint64_t memory_bytes() const { return corners.size() * sizeof corners[0] + values.size() * sizeof values[0]; }
+    };
+
+    void distribute(const PointSource& points, const Box3d& bounds);
+    uint64_t left_beside(uint64_t bytes) const { return settings_.memory_bytes - std::min(bytes, settings_.memory_bytes); }
+    uint64_t room() const;
     void find_normals(bool fit, bool turn);
     void load(size_t layer);
     void fill(FieldBrickLayer& out);
@@ -79,7 +95,7 @@ private:
     NormalOrientation orientation_;        // of their sides; no cells: they are as they are
     size_t next_ = 0;                                            // layer
     std::array<std::shared_ptr<const PointLayer>, 3> near_;  // the layer below, this one and the one above; by layer % 3
-    FieldBrickLayer top_;  // of the layer before: its uppermost samples, 64 a brick
+    Top top_;
     PointSurfaceReport report_;
     PointWindow window_;
 };

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -12,8 +13,8 @@
 
 namespace strata {
 
-/// Layers of points that a surface's pieces may still ask for: the field that reads them puts them in, and who passes the pieces on takes out
-/// what lies below. Both may be at it at once.
+/// Layers of points that a surface's pieces may still ask for: the field that reads them puts them in and takes them out, by what it made itself, so that
+/// its memory does not depend on when pieces are passed on. They may be looked at meanwhile.
 class PointWindow {
 public:
     void put(size_t layer, std::shared_ptr<const PointLayer> points) {
@@ -29,12 +30,20 @@ public:
             if (const auto at = layers_.find(layer + n - 1); at != layers_.end()) found[n] = at->second;
         return found;
     }
-    void forget_below(size_t layer) {
+    /// The field goes on to the layer above this one, which has bricks or has none: forgets those that neither needs any more, the field or pieces. Whoever
+    /// makes these holds up to four layers with bricks (contour_bricks), and a piece asks for points from one layer below its bricks to two above.
+    void pass(size_t layer, bool has_bricks) {
         const std::lock_guard lock(mutex_);
-        while (!layers_.empty() && layers_.begin()->first < layer) {
-            bytes_ -= layers_.begin()->second->memory_bytes();
-            layers_.erase(layers_.begin());
+        if (has_bricks) {
+            if (held_.size() == kHeld) held_.erase(held_.begin());
+            held_.push_back(layer);
         }
+        std::erase_if(layers_, [&](const auto& entry) {
+            const size_t at = entry.first;
+            const bool kept = at + 1 >= layer || std::any_of(held_.begin(), held_.end(), [&](size_t bricks) { return at + 1 >= bricks && at <= bricks + 2; });
+            if (!kept) bytes_ -= entry.second->memory_bytes();
+            return !kept;
+        });
     }
     uint64_t memory_bytes() const {
         const std::lock_guard lock(mutex_);
@@ -42,8 +51,11 @@ public:
     }
 
 private:
+    static constexpr size_t kHeld = 4;
+
     mutable std::mutex mutex_;
     std::map<size_t, std::shared_ptr<const PointLayer>> layers_;
+    std::vector<size_t> held_;  // the last layers with bricks
     uint64_t bytes_ = 0;
 };
 

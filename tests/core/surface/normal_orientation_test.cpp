@@ -7,6 +7,7 @@
 #include <map>
 #include <tuple>
 
+#include "core/error.h"
 #include "core/math/random.h"
 
 namespace strata {
@@ -28,7 +29,7 @@ public:
         std::vector<NormalOrientation::Cell> cells;
         for (const auto& [at, cell] : cells_) cells.push_back(cell.first);
         orientation.add(cells);
-        orientation.solve();
+        orientation.solve(uint64_t{1} << 30);
         if (components != nullptr) *components = orientation.components();
         size_t count = 0;
         for (const auto& [at, cell] : cells_) count += orientation.is_turned(cell.first.at) == cell.second;
@@ -129,9 +130,27 @@ TEST(NormalOrientation, GroundLooksUpWhateverLiesBetween) {
 TEST(NormalOrientation, NothingIsNothing) {
     NormalOrientation orientation;
     orientation.add({});
-    orientation.solve();
+    orientation.solve(uint64_t{1} << 30);
     EXPECT_EQ(orientation.components(), 0u);
     EXPECT_FALSE(orientation.is_turned({1, 2, 3}));
+}
+
+// Cells all about have 13 edges each, of 16 bytes: they are counted before memory is taken.
+TEST(NormalOrientation, CountsItsEdges) {
+    Random random(8);
+    std::vector<NormalOrientation::Cell> cells;
+    for (int32_t k = 0; k < 20; ++k)
+        for (int32_t j = 0; j < 20; ++j)
+            for (int32_t i = 0; i < 20; ++i) cells.push_back({.at = {i, j, k}, .place = Vec3f(0.5f, 0.5f, 0.5f), .normal = random_direction(random).cast<float>()});
+    // Of a cube of n^3 cells each of 26 neighbors' directions has n^2 (n - 1), n (n - 1)^2 or (n - 1)^3 pairs, and an edge has two.
+    const uint64_t edges = 3 * 20 * 20 * 19 + 6 * 20 * 19 * 19 + 4 * 19 * 19 * 19;
+    NormalOrientation little, enough;
+    little.add(cells);
+    enough.add(cells);
+    EXPECT_THROW(little.solve(16 * edges), Error);
+    enough.solve(16 * edges + enough.memory_bytes() + 9 * cells.size());
+    EXPECT_EQ(enough.components(), 1u);
+    EXPECT_LE(enough.memory_bytes(), 17 * cells.size()) << "what is left";
 }
 
 }  // namespace

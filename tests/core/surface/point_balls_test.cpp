@@ -126,6 +126,35 @@ TEST(PointBalls, TheSameWhateverTheThreads) {
     }
 }
 
+// Where bounds lie by a little, balls reach beyond them: they are whole, or their points are counted.
+TEST(PointBalls, BoundsThatLieByALittle) {
+    const MemorySource points(random_points(2000, 9000, 11));
+    PointBallsSettings settings = {.spacing = 0.1, .radius = 0.25, .threads = 2};
+    const SurfaceReport right = report_of(points, settings);
+    ASSERT_TRUE(right.is_manifold());
+    int whole = 0;
+    for (int axis = 0; axis < 3; ++axis)
+        for (const bool upper : {false, true})
+            for (const double bricks : {0.5, 0.8, 1.1, 1.4, 1.7, 2.0}) {
+                Box3d bounds = points.info().bounds;
+                (upper ? bounds.max : bounds.min)[axis] += (upper ? -bricks : bricks) * kFieldBrickSide * settings.spacing;
+                for (const bool ask : {false, true}) {
+                    settings.bounds_of_all = {};
+                    if (ask) settings.bounds_of_all = [&](uint64_t) { return points.info().bounds; };
+                    PointBalls field(points, bounds, settings);
+                    if (ask) EXPECT_EQ(field.outside(), 0u);
+                    if (field.outside() > 0) continue;
+                    ++whole;
+                    SurfaceInMemory surface;
+                    contour_bricks(field, {.inside = ContourInside::below, .threads = 2}, surface);
+                    const SurfaceReport report = measure_surface(surface.mesh());
+                    EXPECT_TRUE(report.is_manifold()) << axis << upper << bricks;
+                    EXPECT_EQ(report.triangles, right.triangles);
+                }
+            }
+    EXPECT_GE(whole, 36);
+}
+
 TEST(PointBalls, SaysWhatCannotBe) {
     const MemorySource points(random_points(1000, 9000, 3));
     for (const double radius : {0.05, 0.7, -1.0, std::nan("")})

@@ -5,9 +5,11 @@
 #include <cmath>
 #include <memory>
 
+#include "core/error.h"
 #include "core/surface/contour.h"
 #include "core/surface/point_balls.h"
 #include "core/surface/point_surface.h"
+#include "tests/support/memory_store.h"
 #include "tests/support/scanned_points.h"
 
 namespace strata {
@@ -135,6 +137,81 @@ TEST(PointPaint, WhatIsUnknown) {
     EXPECT_EQ(sink.unknown(), 2u);
     EXPECT_EQ(nothing.colors[0], (std::array<uint8_t, 4>{128, 128, 128, 255}));
     EXPECT_TRUE(std::isnan(nothing.scalars[1][1]));
+}
+
+// A piece is handed on in parts, its faces with the last.
+TEST(PointPaint, LargePiecesComeInParts) {
+    const ScannedPoints points(colored_sphere(255));
+    PointSurface field(points, points.info().bounds, {.spacing = 0.03, .radius = 0.09, .form = form_of(), .keep_points = true, .threads = 2});
+    struct Parts : SurfaceSink {
+        std::vector<size_t> vertices, triangles;
+        std::vector<Vec3f> positions, normals;
+        std::vector<float> numbers;
+        void add(const SurfacePiece& piece) override {
+            vertices.push_back(piece.positions.size());
+            triangles.push_back(piece.triangles.size());
+            positions.insert(positions.end(), piece.positions.begin(), piece.positions.end());
+            normals.insert(normals.end(), piece.normals.begin(), piece.normals.end());
+            ASSERT_EQ(piece.scalars.size(), 3u);
+            EXPECT_EQ(piece.colors.size(), piece.positions.size());
+            for (const VertexScalars& scalar : piece.scalars) EXPECT_EQ(scalar.values.size(), piece.positions.size());
+            numbers.insert(numbers.end(), piece.scalars[0].values.begin(), piece.scalars[0].values.end());
+        }
+    } parts;
+    PointPaint sink({.grid = field.grid(), .form = form_of(), .radius = 0.09, .threads = 2}, field.window(), parts);
+    std::vector<Vec3f> places(40'000), normals(40'000);
+    std::vector<float> numbers(40'000);
+    for (size_t v = 0; v < places.size(); ++v) places[v] = Vec3f(float(v), 0.0f, 0.0f), normals[v] = Vec3f(0.0f, float(v), 0.0f), numbers[v] = float(v);
+    const std::vector<std::array<uint32_t, 3>> triangles = {{0, 1, 39'999}, {2, 20'000, 3}};
+    const std::vector<VertexScalars> own = {{"own", numbers}};
+    sink.add({.positions = places, .normals = normals, .scalars = own, .triangles = triangles});
+    EXPECT_EQ(parts.vertices, (std::vector<size_t>{16'384, 16'384, 7'232}));
+    EXPECT_EQ(parts.triangles, (std::vector<size_t>{0, 0, 2}));
+    EXPECT_EQ(parts.positions, places);
+    EXPECT_EQ(parts.normals, normals);
+    EXPECT_EQ(parts.numbers, numbers);
+}
+
+// The least memory that a field does with is the same, whoever makes pieces of it at what time: all that it counts it knows from the points.
+template <typename Field, typename Settings>
+void expect_one_limit(const ScannedPoints& points, Settings settings) {
+    settings.form = form_of();
+    settings.keep_points = true;
+    settings.threads = 2;
+    const auto fits = [&](uint64_t memory, int threads, bool painted) {
+        MemoryStore store;
+        settings.memory_bytes = memory;
+        settings.scratch = &store;
+        try {
+            Field field(points, points.info().bounds, settings);
+            if (painted) {
+                paint(field, 8, settings.radius * 1.25, threads);
+            } else {
+                FieldBrickLayer layer;
+                while (field.next_layer(layer)) {}
+            }
+        } catch (const Error& error) {
+            EXPECT_EQ(error.kind, ErrorKind::limit);
+            return false;
+        }
+        return true;
+    };
+    uint64_t too_little = 1000, enough = 100'000'000;
+    ASSERT_TRUE(fits(enough, 1, false));
+    while (enough - too_little > 1) {
+        const uint64_t middle = (too_little + enough) / 2;
+        (fits(middle, 1, false) ? enough : too_little) = middle;
+    }
+    for (const int threads : {1, 3, 3}) {
+        EXPECT_TRUE(fits(enough, threads, true));
+        EXPECT_FALSE(fits(too_little, threads, true));
+    }
+}
+
+TEST(PointPaint, TheLimitOfMemoryIsOne) {
+    const ScannedPoints points(colored_sphere(255));
+    expect_one_limit<PointSurface, PointSurfaceSettings>(points, {.spacing = 0.04, .radius = 0.1});
+    expect_one_limit<PointBalls, PointBallsSettings>(points, {.spacing = 0.04, .radius = 0.1});
 }
 
 }  // namespace

@@ -4,10 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <map>
-#include <mutex>
 #include <numbers>
 #include <tuple>
 
@@ -15,6 +13,7 @@
 #include "core/math/random.h"
 #include "core/surface/contour.h"
 #include "core/surface/surface_report.h"
+#include "tests/support/memory_store.h"
 #include "tests/support/scanned_points.h"
 #include "tests/support/surface_in_memory.h"
 
@@ -250,22 +249,7 @@ TEST(PointSurface, TheSameWhateverTheThreads) {
     PointSurfaceSettings settings = {.spacing = 0.03, .radius = 0.09};
     const Made first = surface_of(ScannedPoints(points), settings);
     std::reverse(points.begin(), points.end());
-    struct Store : ScratchStore {
-        std::vector<std::byte> bytes;
-        std::mutex mutex;
-        uint64_t written = 0;
-        void write(uint64_t offset, std::span<const std::byte> from) override {
-            const std::lock_guard lock(mutex);
-            if (bytes.size() < offset + from.size()) bytes.resize(offset + from.size());
-            std::memcpy(bytes.data() + offset, from.data(), from.size());
-            written += from.size();
-        }
-        void read(uint64_t offset, std::span<std::byte> out) const override {
-            const std::lock_guard lock(const_cast<std::mutex&>(mutex));
-            std::memcpy(out.data(), bytes.data() + offset, out.size());
-        }
-        void discard(uint64_t, uint64_t) override {}
-    } store;
+    MemoryStore store;
     for (const int threads : {2, 5}) {
         settings.threads = threads;
         if (threads == 5) settings.scratch = &store, settings.memory_bytes = 2'500'000;
@@ -274,6 +258,32 @@ TEST(PointSurface, TheSameWhateverTheThreads) {
         EXPECT_EQ(first.surface.triangles, other.surface.triangles);
     }
     EXPECT_GT(store.written, 100'000u);
+}
+
+// Bounds that lie: those of all points are asked for once, before anything is made of some of them.
+TEST(PointSurface, BeginsAgainWithBoundsOfAll) {
+    const ScannedPoints points(without_normals(sphere_points(16'000, 1.0)));
+    PointSurfaceSettings settings = {.spacing = 0.1 / 3.0, .radius = 0.1, .threads = 2};
+    const Made right = surface_of(points, settings);
+    for (const double bricks : {0.5, 1.0, 1.5, 2.0, 5.0}) {
+        Box3d bounds = points.info().bounds;
+        bounds.max.z() -= bricks * kFieldBrickSide * settings.spacing;
+        int asked = 0;
+        settings.bounds_of_all = [&](uint64_t outside) {
+            EXPECT_GT(outside, 0u);
+            ++asked;
+            return points.info().bounds;
+        };
+        PointSurface field(points, bounds, settings);
+        EXPECT_EQ(field.outside(), 0u);
+        EXPECT_LE(asked, 1);
+        SurfaceInMemory surface;
+        contour_bricks(field, {.inside = ContourInside::below, .open_at_nan = true}, surface);
+        const SurfaceReport report = measure_surface(surface.mesh());
+        EXPECT_TRUE(report.is_manifold()) << bricks;
+        EXPECT_EQ(report.triangles, right.report.triangles);
+        if (bricks == 5.0) EXPECT_EQ(asked, 1);
+    }
 }
 
 // Points that say nothing of a surface make none.
