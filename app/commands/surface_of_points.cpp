@@ -68,21 +68,23 @@ protected:
         }
     }
 
-    /// Makes a field by `make` of bounds; those of the header, unless they leave points out.
-    template <typename Field, typename Make>
-    std::unique_ptr<Field> make_field(ProgressLine& progress, const Make& make) {
-        std::mutex mutex;
-        uint64_t done = 0;
-        const auto on_points = [&](uint64_t points) {
-            const std::lock_guard lock(mutex);
-            progress.update("surface", done += points, source_->info().points);
+    /// What the settings of fields have in common: bounds are those of the header, unless they leave points out.
+    template <typename Settings>
+    Settings settings_of_field(ProgressLine& progress) {
+        Settings settings = {.spacing = step_, .radius = radius_, .threads = request_.threads, .memory_bytes = request_.memory_bytes / 2, .scratch = request_.scratch};
+        settings.form = form_;
+        settings.keep_points = is_painted();
+        const auto done = std::make_shared<std::pair<std::mutex, uint64_t>>();
+        settings.on_points = [this, &progress, done](uint64_t points) {
+            const std::lock_guard lock(done->first);
+            progress.update("surface", done->second += points, source_->info().points);
         };
-        std::unique_ptr<Field> field = make(points_box_, on_points);
-        if (field->outside() == 0) return field;
-        notes.push_back("the header's bounds leave " + with_commas(field->outside()) + " points out; those of the points are taken");
-        field.reset();
-        done = 0;
-        return make(measured(), on_points);
+        settings.bounds_of_all = [this, done](uint64_t outside) {
+            notes.push_back("the header's bounds leave " + with_commas(outside) + " points out; those of the points are taken");
+            done->second = 0;
+            return measured();
+        };
+        return settings;
     }
 
     template <typename Field>
@@ -113,12 +115,8 @@ public:
     }
 
     void extract(SurfaceSink& out, ProgressLine& progress) override {
-        const auto field = make_field<PointBalls>(progress, [&](const Box3d& bounds, const auto& on_points) {
-            return std::make_unique<PointBalls>(*source_, bounds,
-                                                PointBallsSettings{.spacing = step_, .radius = radius_, .threads = request_.threads, .memory_bytes = request_.memory_bytes / 2, .scratch = request_.scratch,
-                                                                   .form = form_, .keep_points = is_painted(), .on_points = on_points});
-        });
-        contour(*field, kPaint * radius_, out);
+        PointBalls field(*source_, points_box_, settings_of_field<PointBallsSettings>(progress));
+        contour(field, kPaint * radius_, out);
     }
 
 private:
@@ -135,13 +133,11 @@ public:
 
     SurfaceMethod method() const override { return SurfaceMethod::smooth; }
     void extract(SurfaceSink& out, ProgressLine& progress) override {
-        const auto field = make_field<PointSurface>(progress, [&](const Box3d& bounds, const auto& on_points) {
-            return std::make_unique<PointSurface>(*source_, bounds,
-                                                  PointSurfaceSettings{.spacing = step_, .radius = radius_, .viewpoint = request_.viewpoint, .form = form_, .keep_points = is_painted(), .threads = request_.threads,
-                                                                       .memory_bytes = request_.memory_bytes / 2, .scratch = request_.scratch, .on_points = on_points});
-        });
-        found_ = field->report();
-        contour(*field, radius_, out);
+        PointSurfaceSettings settings = settings_of_field<PointSurfaceSettings>(progress);
+        settings.viewpoint = request_.viewpoint;
+        PointSurface field(*source_, points_box_, settings);
+        found_ = field.report();
+        contour(field, radius_, out);
         say_what_points_are();
     }
     void add_to(ordered_json& report) const override {
@@ -152,8 +148,8 @@ public:
 
 private:
     // Three spacings of most points reach over the gaps between them, and samples as far apart as the points show what these do.
-    static constexpr double kRadius = 3.0, kLeastRadius = 2.0, kMostRadius = 7.0;  // spacings of samples
-    static constexpr double kShare = 0.75;                                         // of points that lie no farther apart
+    static constexpr double kRadius = 3.0, kLeastRadius = PointSurfaceSettings::kLeastReach, kMostRadius = PointSurfaceSettings::kMostReach;  // spacings of samples
+    static constexpr double kShare = 0.75;  // of points that lie no farther apart
 
     void choose_lengths(const std::string& path) {
         if (request_.radius && request_.voxel_size) {
@@ -190,7 +186,7 @@ private:
     }
 
     void say_what_points_are() {
-        if (!request_.radius) notes.push_back("--radius " + number_text(radius_) + " and --voxel-size " + number_text(step_) + ", as points lie");
+        if (!request_.radius) notes.push_back("--radius " + number_text(radius_) + (request_.voxel_size ? "" : " and --voxel-size " + number_text(step_)) + ", as points lie");
         if (found_.without_normal > 0) notes.push_back("normals of " + with_commas(found_.without_normal) + " points cannot be told from their neighbors, and the points are left out");
         if (found_.oriented)
             notes.push_back(std::string(found_.has_normals ? "all normals of the points look up" : "the points have no normals: they are those of planes through neighbors") +
