@@ -19,7 +19,8 @@ struct MeshReadSettings {
 /// What a file says of its mesh beside the mesh, and what was done with it.
 struct MeshReport {
     std::string format;              // "PLY, ASCII"
-    uint64_t faces = 0;              // polygons in the file; each becomes a fan of triangles around its first corner
+    uint64_t faces = 0;              // polygons in the file; each becomes a fan of triangles around its first corner or, where
+                                     // that would leave the polygon, triangles within (concave_faces.h); in any order of the file
     std::vector<std::string> notes;  // what was left out, a line each
 };
 

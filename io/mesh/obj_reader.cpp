@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "core/error.h"
+#include "io/mesh/concave_faces.h"
 #include "io/mesh/mesh_memory.h"
 #include "io/mesh/mesh_reader.h"
 #include "io/mesh/nowhere.h"
@@ -31,7 +32,7 @@ struct Corner {
 
 class ObjReader {
 public:
-    ObjReader(const ByteSource& source, uint64_t most_bytes) : stream_(source), memory_(stream_, most_bytes) {}
+    ObjReader(const ByteSource& source, uint64_t most_bytes) : stream_(source), memory_(stream_, most_bytes), concave_(memory_) {}
 
     TriangleMesh read(MeshReport& report) {
         for (std::string_view line; stream_.next_line(line, ByteStream::Continued::by_backslash);) read_line(line);
@@ -41,6 +42,7 @@ public:
             fail_index(farthest_vertex_line_, "vertex", farthest_vertex_, mesh_.positions.size());
         if (farthest_normal_ >= int64_t(normals_.size()))
             fail_index(farthest_normal_line_, "normal", uint64_t(farthest_normal_), normals_.size());
+        concave_.finish(mesh_, report.notes);
         finish_normals();
         finish_colors();
         remove_nowhere(mesh_, nowhere_, report.notes);
@@ -106,7 +108,9 @@ private:
 
     void read_face(TextWords& words) {
         std::array<Corner, 2> fan;  // the first corner and the last
+        const size_t begin = mesh_.triangles.size();
         uint64_t count = 0;
+        uint32_t farthest = 0;
         for (; words.more() && words.peek() != '#'; ++count) {
             const Corner corner = read_corner(words);
             if (count >= 2) {
@@ -114,8 +118,10 @@ private:
                 memory_.push(mesh_.triangles, {fan[0].vertex, fan[1].vertex, corner.vertex});
             }
             fan[count == 0 ? 0 : 1] = corner;
+            farthest = std::max(farthest, corner.vertex);
             if (corner.normal >= 0) use_normal(corner);
         }
+        concave_.add_fan(mesh_, begin, farthest < mesh_.positions.size());
         ++faces_;
         if (count < 3) ++incomplete_faces_;
     }
@@ -202,6 +208,7 @@ private:
 
     ByteStream stream_;
     MeshMemory memory_;
+    ConcaveFaces concave_;
     TriangleMesh mesh_;
     std::vector<uint32_t> nowhere_;
     std::vector<Vec3f> normals_;  // of vn, of length 1 or 0

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "io/mesh/concave_faces.h"
 #include "io/mesh/mesh_memory.h"
 #include "io/mesh/mesh_reader.h"
 #include "io/mesh/nowhere.h"
@@ -140,7 +141,7 @@ uint8_t color_byte(double part, Scalar type) {
 
 class PlyReader {
 public:
-    PlyReader(const ByteSource& source, const MeshReadSettings& settings) : stream_(source), memory_(stream_, settings.most_bytes), header_(read_header(stream_)), wants_scalars_(settings.scalars) {}
+    PlyReader(const ByteSource& source, const MeshReadSettings& settings) : stream_(source), memory_(stream_, settings.most_bytes), concave_(memory_), header_(read_header(stream_)), wants_scalars_(settings.scalars) {}
 
     TriangleMesh read(MeshReport& report) {
         find_elements();
@@ -152,6 +153,7 @@ public:
         report.format = kEncodings[size_t(header_.encoding)];
         report.faces = faces_ ? faces_->count : 0;
         if (scalars_left_out_ > 0) report.notes.push_back(std::to_string(scalars_left_out_) + " properties of vertices beyond the first " + std::to_string(kMostScalars) + " are left out");
+        concave_.finish(mesh_, report.notes);
         remove_nowhere(mesh_, nowhere_, report.notes);
         if (incomplete_faces_ > 0) report.notes.push_back(std::to_string(incomplete_faces_) + " faces with fewer than 3 corners are left out");
         for (const Element& element : header_.elements)
@@ -275,6 +277,7 @@ private:
                 continue;
             }
             const uint64_t count = values.list_length(property);
+            const size_t begin = mesh_.triangles.size();
             std::array<uint32_t, 2> fan{};  // the first corner and the last
             for (uint64_t i = 0; i < count; ++i) {
                 const int64_t index = values.integer(property.type);
@@ -286,12 +289,14 @@ private:
                 }
                 fan[i == 0 ? 0 : 1] = uint32_t(index);
             }
+            concave_.add_fan(mesh_, begin, mesh_.positions.size() == vertices_->count);
             if (count < 3) ++incomplete_faces_;
         }
     }
 
     ByteStream stream_;
     MeshMemory memory_;
+    ConcaveFaces concave_;
     Header header_;
     bool wants_scalars_;
     const Element* vertices_ = nullptr;

@@ -1,6 +1,7 @@
 // The real program: what it prints and how it ends.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -204,6 +205,27 @@ TEST_F(InfoCommand, ExactMeasuresSurfacesOfMeshes) {
     const ProgramResult capped = run_strata({"info", "--exact", "--memory", "120000", path});
     EXPECT_EQ(capped.exit_code, 1);
     EXPECT_NE(capped.err.find("to be measured"), std::string::npos) << capped.err;
+}
+
+// An L of 5 and a pentagon with a notch that leaves 3.8, from corners that see less than all of them.
+TEST_F(InfoCommand, ConcaveFacesHaveTheirArea) {
+    const std::string obj = folder_.file("concave.obj"), ply = folder_.file("concave.ply");
+    const std::array<const char*, 11> vertices = {"3 0 0", "3 1 0", "1 1 0", "1 3 0", "0 3 0", "0 0 0", "10 0 0", "12 0 0", "12 3 0", "11 0.8 0", "10 3 0"};
+    std::ofstream as_obj(obj), as_ply(ply);
+    as_ply << "ply\nformat ascii 1.0\nelement vertex 11\nproperty float x\nproperty float y\nproperty float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n";
+    for (const char* const vertex : vertices) {
+        as_obj << "v " << vertex << '\n';
+        as_ply << vertex << '\n';
+    }
+    as_obj << "f 1 2 3 4 5 6\nf 7 8 9 10 11\n";
+    as_ply << "6 0 1 2 3 4 5\n5 6 7 8 9 10\n";
+    as_obj.close(), as_ply.close();
+    for (const std::string& path : {obj, ply}) {
+        const json said = json::parse(run_strata({"info", "--exact", "--json", path}).out);
+        EXPECT_NEAR(said["area"].get<double>(), 5.0 + 6.0 - 2.2, 1e-6);  // the notch is 2 wide and 2.2 deep
+        EXPECT_EQ(said["triangles"], 7);
+        EXPECT_EQ(said["faces"], 2);
+    }
 }
 
 TEST_F(InfoCommand, GridsOfVdbFilesAreListed) {

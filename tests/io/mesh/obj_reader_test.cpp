@@ -45,7 +45,7 @@ TEST(ObjReader, EveryWayToWriteAFace) {
 }
 
 TEST(ObjReader, PolygonsBecomeFans) {
-    const auto [mesh, report] = obj(kSquare + "v 0 2 0\nf 5 4 3 2 1\n");
+    const auto [mesh, report] = obj(kSquare + "v -1 0.5 0\nf 5 4 3 2 1\n");
     EXPECT_EQ(mesh.triangles, (Triangles{{4, 3, 2}, {4, 2, 1}, {4, 1, 0}}));
     EXPECT_EQ(report.faces, 1u);
 }
