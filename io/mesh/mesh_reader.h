@@ -27,7 +27,8 @@ struct MeshReport {
 /// Reads a mesh: Wavefront OBJ, STL, or PLY, by its content. The file goes through a small buffer.
 /// Vertices: as the file has them, those that no triangle uses as well; those of STL, which has none, are the distinct corners. A
 /// vertex without a finite position is left out with the triangles that use it, and a note counts both. Normals and colors:
-/// those of vertices; where corners of OBJ have their own, the mean direction of a vertex's corners. Other values: single numbers that PLY has of vertices, but texture coordinates; the first 32.
+/// those of vertices; where corners of OBJ have their own, the mean direction of a vertex's corners,
+/// or zero, not known, where one is more than 20 degrees from the mean of those before it, as at the edges of a cube. Other values: single numbers that PLY has of vertices, but texture coordinates; the first 32.
 /// report  where not null, gets what the file says
 /// throws  Error{not_found, io, unsupported}
 ///         Error{malformed}: the line or byte, and what was expected

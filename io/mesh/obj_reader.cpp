@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <string_view>
 
 #include "core/error.h"
@@ -17,6 +18,7 @@ namespace {
 
 constexpr uint64_t kMostIndices = 0xFFFFFFFF;
 constexpr float kNoColor = -1.0f;
+constexpr float kAgreeingCosine = 0.9396926f;  // 20 degrees: normals of a vertex's corners that are farther from the mean of those before say that there is an edge
 
 // Statements that say nothing of triangles.
 constexpr std::array<std::string_view, 31> kPassed = {
@@ -169,23 +171,28 @@ private:
                                               " is not among the " + std::to_string(count) + " of the file");
     }
 
-    // Each vertex sums the unit normals of its corners; where either comes later in the file, the sum waits.
+    // Each vertex sums the unit normals of its corners, as long as they agree; where either comes later in the file, the sum waits.
     void use_normal(const Corner& corner) {
         if (corner.vertex >= mesh_.positions.size() || corner.normal >= int64_t(normals_.size())) {
             memory_.push(waiting_, {corner.vertex, uint32_t(corner.normal)});
             return;
         }
         memory_.lengthen(mesh_.normals, corner.vertex + size_t{1}, Vec3f(Vec3f::Zero()));
-        mesh_.normals[corner.vertex] += normals_[size_t(corner.normal)];
+        add(normals_[size_t(corner.normal)], mesh_.normals[corner.vertex]);
+    }
+    // What disagrees once stays NaN: at an edge no mean is the normal of either side.
+    static void add(const Vec3f& normal, Vec3f& sum) {
+        if (!sum.isZero() && sum.dot(normal) < kAgreeingCosine * sum.norm() * normal.norm()) sum.fill(std::numeric_limits<float>::quiet_NaN());
+        sum += normal;
     }
 
     void finish_normals() {
         if (mesh_.normals.empty() && waiting_.empty()) return;
         memory_.lengthen(mesh_.normals, mesh_.positions.size(), Vec3f(Vec3f::Zero()));
-        for (const auto& [vertex, normal] : waiting_) mesh_.normals[vertex] += normals_[normal];
+        for (const auto& [vertex, normal] : waiting_) add(normals_[normal], mesh_.normals[vertex]);
         for (Vec3f& sum : mesh_.normals) {
             const float length = sum.norm();
-            if (length > 0.0f) sum /= length;
+            sum = length > 0.0f ? Vec3f(sum / length) : Vec3f(Vec3f::Zero());
         }
     }
 

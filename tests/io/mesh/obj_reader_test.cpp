@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "tests/io/mesh/mesh_of.h"
+#include "tests/support/test_meshes.h"
 
 namespace strata {
 namespace {
@@ -68,14 +69,51 @@ TEST(ObjReader, FacesMayComeBeforeTheirVertices) {
     EXPECT_EQ(ahead.mesh.normals[3], Vec3f(0, 0, 0));  // no corner says
 }
 
-// A vertex whose corners differ in their normals gets their mean direction.
+// A vertex whose corners differ a little in their normals gets their mean direction.
 TEST(ObjReader, NormalsOfCornersAreAveraged) {
-    const auto [mesh, report] = obj(kSquare + "vn 0 0 5\nvn 3 0 0\nvn 0 0 0\nf 1//1 2//1 3//1\nf 1//2 3//1 4//3\n");
+    const auto [mesh, report] = obj(kSquare + "vn 0 0 5\nvn 0.6 0 1.8\nvn 0 0 0\nf 1//1 2//1 3//1\nf 1//2 3//1 4//3\nf 1//3 2//3 3//1\n");
     ASSERT_EQ(mesh.normals.size(), 4u);
-    EXPECT_NEAR((mesh.normals[0] - Vec3f(1, 0, 1) / std::sqrt(2.0f)).norm(), 0.0f, 1e-6f);
+    EXPECT_NEAR((mesh.normals[0] - (Vec3f(0, 0, 1) + Vec3f(1, 0, 3).normalized()).normalized()).norm(), 0.0f, 1e-6f);  // 18.4 degrees
     EXPECT_EQ(mesh.normals[1], Vec3f(0, 0, 1));
     EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, 1));
     EXPECT_EQ(mesh.normals[3], Vec3f(0, 0, 0));
+}
+
+// Where they differ plainly there is an edge, and one normal for it is none; whatever comes first in the file.
+TEST(ObjReader, NormalsOfEdgesAreUnknown) {
+    const std::string normals = "vn 0 0 5\nvn 3 0 0\nvn 0 0 -1\n", faces = "f 1//1 2//1 3//1\nf 1//2 3//1 4//3\nf 2//3 3//1 4//3\nf 1//1 3//1 4//3\n";
+    for (const std::string& text : {kSquare + normals + faces, faces + kSquare + normals, kSquare + faces + normals}) {
+        const TriangleMesh mesh = obj(text).mesh;
+        ASSERT_EQ(mesh.normals.size(), 4u) << text;
+        EXPECT_EQ(mesh.normals[0], Vec3f(0, 0, 0)) << text;  // at right angles
+        EXPECT_EQ(mesh.normals[1], Vec3f(0, 0, 0)) << text;  // opposite
+        EXPECT_EQ(mesh.normals[2], Vec3f(0, 0, 1)) << text;
+        EXPECT_EQ(mesh.normals[3], Vec3f(0, 0, -1)) << text;
+    }
+}
+
+TEST(ObjReader, NormalsOfASphereAreKept) {
+    const TriangleMesh sphere = sphere_mesh({1, 2, 3}, 2.0, 24);
+    std::string text;
+    const auto line = [&](const char* keyword, const Vec3d& v) { text += keyword + (" " + std::to_string(v.x())) + " " + std::to_string(v.y()) + " " + std::to_string(v.z()) + "\n"; };
+    for (const Vec3d& p : sphere.positions) line("v", p);
+    for (size_t i = 0; i < sphere.triangles.size(); ++i) {  // each corner's own, 7.5 degrees around the radial one
+        std::string face = "f";
+        for (size_t k = 0; k < 3; ++k) {
+            const uint32_t vertex = sphere.triangles[i][k];
+            const Vec3d radial = (sphere.positions[vertex] - Vec3d(1, 2, 3)) / 2.0;
+            line("vn", radial + 0.13 * (i % 2 ? 1 : -1) * radial.unitOrthogonal());
+            face += " " + std::to_string(vertex + 1) + "//" + std::to_string(3 * i + k + 1);
+        }
+        text += face + "\n";
+    }
+    const TriangleMesh mesh = obj(text).mesh;
+    ASSERT_EQ(mesh.normals.size(), sphere.positions.size());
+    std::vector<bool> used(sphere.positions.size());
+    for (const auto& triangle : sphere.triangles)
+        for (const uint32_t vertex : triangle) used[vertex] = true;
+    for (size_t i = 0; i < mesh.normals.size(); ++i)
+        if (used[i]) EXPECT_GT(mesh.normals[i].dot((sphere.positions[i] - Vec3d(1, 2, 3)).normalized().cast<float>()), 0.99f) << i;
 }
 
 TEST(ObjReader, ColorsFollowCoordinates) {
