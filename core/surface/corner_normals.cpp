@@ -10,13 +10,20 @@ namespace {
 
 constexpr size_t kBlock = 1 << 14;
 constexpr float kHalfCreaseCosine = 0.92387953f;  // directions so near to one are all within a crease of each other
+constexpr float kNearCosine = 0.71933980f;       // 44 degrees: the mean of two sides of a box is 45 from each
+constexpr float kSameSine = 0.0087265355f;       // half a degree
 constexpr size_t kMostCompared = 64;  // triangles at a vertex; of more, each is compared with their mean alone
+
+// As long as twice the area.
+Vec3d area_normal(const TriangleMesh& mesh, size_t triangle) {
+    const auto& [a, b, c] = mesh.triangles[triangle];
+    const Vec3d& p = mesh.positions[a];
+    return (mesh.positions[b] - p).cross(mesh.positions[c] - p);
+}
 
 // Of length 1, or zero.
 Vec3f face_normal(const TriangleMesh& mesh, size_t triangle) {
-    const auto& [a, b, c] = mesh.triangles[triangle];
-    const Vec3d& p = mesh.positions[a];
-    const Vec3d normal = (mesh.positions[b] - p).cross(mesh.positions[c] - p);
+    const Vec3d normal = area_normal(mesh, triangle);
     const double length = normal.norm();
     if (!(length > 0.0 && std::isfinite(length))) return Vec3f::Zero();
     return (normal / length).cast<float>();
@@ -64,6 +71,7 @@ public:
         Vec3f stored = mesh_.normals.empty() ? Vec3f(Vec3f::Zero()) : mesh_.normals[vertex];
         const float length = stored.stableNorm();
         stored = length > 0.0f && std::isfinite(length) ? Vec3f(stored / length) : Vec3f(Vec3f::Zero());
+        if (!is_near_all(corners, stored) && is_mean_of(corners, stored)) stored.setZero();
         bool missing = false;
         for (const uint64_t corner : corners) {
             const Vec3f& face = faces_[corner / 3];
@@ -76,6 +84,25 @@ public:
     }
 
 private:
+    bool is_near_all(std::span<const uint64_t> corners, const Vec3f& stored) const {
+        return std::all_of(corners.begin(), corners.end(), [&](uint64_t corner) { return faces_[corner / 3].isZero() || std::abs(stored.dot(faces_[corner / 3])) >= kNearCosine; });
+    }
+
+    // Whether it is what programs make of the triangles at a vertex, be they weighted by their angles there, by their areas or alike.
+    bool is_mean_of(std::span<const uint64_t> corners, const Vec3f& stored) const {
+        Vec3d by_angle = Vec3d::Zero(), by_area = Vec3d::Zero(), alike = Vec3d::Zero();
+        for (const uint64_t corner : corners) {
+            if (faces_[corner / 3].isZero()) continue;
+            const Vec3d face = faces_[corner / 3].cast<double>();
+            by_angle += corner_angle(mesh_, corner / 3, corner % 3) * face;
+            by_area += area_normal(mesh_, corner / 3);
+            alike += face;
+        }
+        for (const Vec3d& mean : {by_angle, by_area, alike})
+            if (stored.cast<double>().cross(mean).norm() < kSameSine * mean.norm()) return true;
+        return false;
+    }
+
     void estimate(std::span<const uint64_t> corners) {
         weighted_.clear();
         Vec3f sum = Vec3f::Zero();

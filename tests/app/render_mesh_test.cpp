@@ -93,6 +93,43 @@ TEST_F(RenderMesh, AStatueAgreesWithItsBaseline) {
     expect_baseline("mesh_statue", {mesh.string(), "--size", "200x320", "--view", "back"});
 }
 
+// A cube of 8 vertices has plain faces, whether its corners have normals, its vertices have their mean, or there are none.
+TEST_F(RenderMesh, ACubeIsACubeWhateverItsNormals) {
+    const TriangleMesh cube = box_mesh({0, 0, 0}, {1, 1, 1});
+    std::string plain, means, faces, corners = "vn 1 0 0\nvn -1 0 0\nvn 0 1 0\nvn 0 -1 0\nvn 0 0 1\nvn 0 0 -1\n", averaged;
+    for (const Vec3d& p : cube.positions) {
+        const std::string place = std::to_string(p.x()) + " " + std::to_string(p.y()) + " " + std::to_string(p.z());
+        plain += "v " + place + "\n";
+        means += place + " " + std::to_string(p.x() / std::sqrt(3.0)) + " " + std::to_string(p.y() / std::sqrt(3.0)) + " " + std::to_string(p.z() / std::sqrt(3.0)) + "\n";
+    }
+    for (const auto& t : cube.triangles) {
+        const Vec3d normal = (cube.positions[t[1]] - cube.positions[t[0]]).cross(cube.positions[t[2]] - cube.positions[t[0]]) / 4.0;
+        for (int axis = 0; axis < 3; ++axis)
+            for (const int side : {0, 1})
+                if (normal[axis] == (side ? -1.0 : 1.0)) {
+                    faces += "f", corners += "f", averaged += "3";
+                    for (const uint32_t vertex : t) {
+                        faces += " " + std::to_string(vertex + 1);
+                        corners += " " + std::to_string(vertex + 1) + "//" + std::to_string(2 * axis + side + 1);
+                        averaged += " " + std::to_string(vertex);
+                    }
+                    faces += "\n", corners += "\n", averaged += "\n";
+                }
+    }
+    std::ofstream(file("none.obj")) << plain << faces;
+    std::ofstream(file("corners.obj")) << plain << corners;
+    std::ofstream(file("means.ply")) << "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\nproperty float ny\nproperty float nz\n"
+                                     << "element face 12\nproperty list uchar int vertex_indices\nend_header\n" << means << averaged;
+    const auto drawn = [&](const std::string& name, const std::string& shading) {
+        EXPECT_EQ(render({file(name), "-o", file(name + ".png"), "--edl", "0", "--mesh", shading, "--eye", "4,-6,3", "--target", "0,0,0"}).exit_code, 0) << name;
+        return test::file_contents(file(name + ".png"));
+    };
+    const std::string flat = drawn("none.obj", "flat");
+    EXPECT_EQ(drawn("none.obj", "smooth"), flat);
+    EXPECT_EQ(drawn("corners.obj", "smooth"), flat);
+    EXPECT_EQ(drawn("means.ply", "smooth"), flat);
+}
+
 TEST_F(RenderMesh, SamePixelsForAnyThreadsAndStrips) {
     const std::vector<std::string> all = {file("scene.obj"), village(), "--wireframe", "--ssao", "--fill", "--samples", "2", "--clip", "547960,5327940,,548040,5328010,"};
     const auto drawn = [&](const std::string& name, std::vector<std::string> words) {
