@@ -54,7 +54,7 @@ std::unique_ptr<SurfaceInput> open_surface_input(std::span<const std::string> wo
         const FormatKind kind = kind_of(word);
         if (words.size() > 1 && kind != FormatKind::points && kind != FormatKind::layered)
             throw Error(ErrorKind::usage, word + ": one volume, grid, mesh or voxel file at a time is expected; only points may come in several files");
-        if (of_points && kind != FormatKind::points && kind != FormatKind::layered) throw Error(ErrorKind::usage, word + ": --method smooth or balls is for points");
+        if (of_points && kind != FormatKind::points && kind != FormatKind::layered) throw Error(ErrorKind::usage, word + ": --method " + (request.method == SurfaceMethod::smooth ? "smooth" : "balls") + " is for points");
         const char* const without_points = kind == FormatKind::mesh ? "meshes" : kind == FormatKind::voxels ? "voxels" : kind == FormatKind::volume || kind == FormatKind::grids ? "values on a grid" : nullptr;
         if (request.radius && without_points != nullptr) throw Error(ErrorKind::usage, word + ": --radius is not for " + without_points + "; it is for points");
         refuse_attributes(request, word, kind);

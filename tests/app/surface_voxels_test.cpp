@@ -181,7 +181,7 @@ TEST_F(SurfaceOfVoxels, BallsAroundPoints) {
     refuse({ball(), "--radius", "1"}, "--radius is not for voxels");
     refuse({in, "--method", "balls"}, "--method balls: --radius R is expected");
     refuse({in, "--method", "balls", "--radius", "1", "--viewpoint", "1,2,3"}, "--viewpoint is for --method smooth");
-    refuse({file("ball.svo"), "--method", "balls", "--radius", "1"}, "--method smooth or balls is for points");
+    refuse({file("ball.svo"), "--method", "balls", "--radius", "1"}, "--method balls is for points");
 }
 
 TEST_F(SurfaceOfVoxels, BallsAreTheSameWhateverTheMemoryAndThreads) {
