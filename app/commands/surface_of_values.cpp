@@ -23,7 +23,8 @@ public:
         }
         set_colors();
         attributes_ = SurfaceAttributes::of_volumes(*volume_, request, request.memory_bytes / 2);
-        settings_.memory_bytes -= attributes_.memory_bytes();
+        settings_.memory_beside = attributes_.memory_bytes();
+        settings_.memory_bytes -= settings_.memory_beside;
         notes.insert(notes.end(), attributes_.notes().begin(), attributes_.notes().end());
     }
 

@@ -28,7 +28,8 @@ struct ContourSettings {
     std::vector<std::array<uint8_t, 4>> colors;  // of the vertices of each isovalue; or empty
     int threads = 1;
     uint64_t memory_bytes = uint64_t{1} << 30;  // for slices, bricks and what is made of them
-    uint64_t memory_parts = 1;                  // memory_bytes is one of so many of what was given: errors speak of that
+    uint64_t memory_parts = 1;                  // memory_bytes, and memory_beside, is one of so many of what was given: errors speak of that
+    uint64_t memory_beside = 0;                 // held by others
 };
 
 /// What was found on the way, of all isovalues together.

@@ -280,8 +280,8 @@ private:
         window_.drop_spare();
         if (!fits())
             throw Error(ErrorKind::limit, "a layer of bricks and a piece of the surface in it need " +
-                                              std::to_string((bytes_held() + more) * settings_.memory_parts) + " bytes of memory, " +
-                                              std::to_string(settings_.memory_bytes * settings_.memory_parts) + " are allowed");
+                                              std::to_string((bytes_held() + more + settings_.memory_beside) * settings_.memory_parts) + " bytes of memory, " +
+                                              std::to_string((settings_.memory_bytes + settings_.memory_beside) * settings_.memory_parts) + " are allowed");
     }
 
     FieldBrickSource& source_;

@@ -104,8 +104,8 @@ private:
 };
 
 [[noreturn]] void refuse(uint64_t needed, const ContourSettings& settings) {
-    throw Error(ErrorKind::limit, "slices of the field and a row of the surface between them need " + std::to_string(needed * settings.memory_parts) +
-                                      " bytes of memory, " + std::to_string(settings.memory_bytes * settings.memory_parts) + " are allowed");
+    throw Error(ErrorKind::limit, "slices of the field and a row of the surface between them need " + std::to_string((needed + settings.memory_beside) * settings.memory_parts) +
+                                      " bytes of memory, " + std::to_string((settings.memory_bytes + settings.memory_beside) * settings.memory_parts) + " are allowed");
 }
 
 }  // namespace

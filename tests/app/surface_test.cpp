@@ -95,11 +95,20 @@ TEST_F(Surface, KeepsToItsMemory) {
     EXPECT_EQ(report, whole);
     if (!test::built_with_sanitizer()) EXPECT_LT(peak, (8 << 20) + 70e6);  // the program itself, and its buffers
     // What is too little is told in the words that were typed.
-    std::vector<std::string> little = with_memory("1K");
-    little.insert(little.begin(), "surface");
-    const ProgramResult refused = run_strata(little);
+    for (const char* const method : {"marching-cubes", "cubes"}) {
+        std::vector<std::string> little = with_memory("1K");
+        little.insert(little.begin(), {"surface", "--method", method});
+        const ProgramResult refused = run_strata(little);
+        EXPECT_EQ(refused.exit_code, 1);
+        EXPECT_NE(refused.err.find("1024 are allowed"), std::string::npos) << refused.err;
+    }
+    // Slices of an attribute fit into their quarter; two of the field's and what is made of them do not into the half less that.
+    std::filesystem::copy_file(sphere(), file("other.nrrd"));
+    const std::string given = std::to_string(8 * kSide * kSide * sizeof(float));
+    const ProgramResult refused = run_strata({"surface", file("sphere.nrrd"), "--iso", "0", "--attributes", file("other.nrrd"), "--memory", given, "-o", file("never.ply")});
     EXPECT_EQ(refused.exit_code, 1);
-    EXPECT_NE(refused.err.find("1024 are allowed"), std::string::npos) << refused.err;
+    EXPECT_NE(refused.err.find("slices of the field"), std::string::npos) << refused.err;
+    EXPECT_NE(refused.err.find(" " + given + " are allowed"), std::string::npos) << refused.err;
 }
 
 // A closed surface within h^2 / 8R of the sphere on the edges, whatever file it goes to; what is said of it is what is in the file.
