@@ -7,6 +7,7 @@
 
 #include "core/simd_level.h"
 #include "core/surface/brick_cells.h"
+#include "core/surface/brick_view.h"
 #include "core/surface/edge_cut.h"
 
 namespace strata {

@@ -9,7 +9,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
-#include "core/surface/brick_cells.h"
+#include "core/surface/brick_cell_counter.h"
 #include "core/surface/brick_emitter.h"
 #include "core/surface/brick_layers.h"
 #include "core/surface/contour.h"
