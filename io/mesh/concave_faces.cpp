@@ -1,6 +1,7 @@
 #include "io/mesh/concave_faces.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <span>
 
