@@ -149,6 +149,7 @@ public:
 private:
     // Three spacings of most points reach over the gaps between them, and samples as far apart as the points show what these do.
     static constexpr double kRadius = 3.0, kLeastRadius = PointSurfaceSettings::kLeastReach, kMostRadius = PointSurfaceSettings::kMostReach;  // spacings of samples
+    static constexpr double kLeastQuanta = 2.0;  // steps of coordinates, nearer to each other than which points are steps of stairs
     static constexpr double kShare = 0.75;  // of points that lie no farther apart
 
     void choose_lengths(const std::string& path) {
@@ -166,7 +167,8 @@ private:
         }
         std::vector<double> spacings = measure_point_spacings(*source_, points_box_, request_.threads);
         if (spacings.empty()) spacings = measure_point_spacings(*source_, points_box_ = measured(), request_.threads);
-        const double apart = spacings.empty() ? 0.0 : spacings[size_t(kShare * double(spacings.size() - 1))];
+        double apart = spacings.empty() ? 0.0 : spacings[size_t(kShare * double(spacings.size() - 1))];
+        if (apart > 0.0) apart = std::max(apart, kLeastQuanta * source_->info().quantization.scale.maxCoeff());
         if (request_.voxel_size) {
             step_ = *request_.voxel_size;
             radius_ = std::clamp(kRadius * apart, kRadius * step_, kMostRadius * step_);

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cassert>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <numeric>
@@ -16,6 +17,12 @@
 
 namespace strata {
 namespace {
+
+std::string number_text(double value) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.6g", value);
+    return text;
+}
 
 constexpr size_t kBlockBytes = 6144;  // small, as each layer keeps one that is not full
 constexpr double kMostUnits = 1 << 20;
@@ -218,7 +225,8 @@ PointGrid PointGrid::around(const Box3d& bounds, double spacing, double reach) {
         const double last = std::floor((bounds.max[axis] + reach * spacing) / side) + 1.0;
         if (!(last >= first)) throw Error(ErrorKind::limit, "no bounds to lay samples in");
         if (!(last - first < double(1 << 15)))
-            throw Error(ErrorKind::limit, "more than 2^18 samples along an axis; a larger spacing has fewer");
+            throw Error(ErrorKind::limit, "points reach from " + number_text(bounds.min[axis]) + " to " + number_text(bounds.max[axis]) + " along " + "xyz"[axis] +
+                                              ": more than 2^18 samples " + number_text(spacing) + " apart; some may lie far from all others, or samples must be farther apart");
         grid.placement.origin[axis] = first * side;
         grid.bricks[size_t(axis)] = uint64_t(last - first) + 1;
         most = std::max(most, double(grid.bricks[size_t(axis)]) * kFieldBrickSide);
