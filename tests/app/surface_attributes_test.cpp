@@ -74,7 +74,7 @@ TEST_F(SurfaceAttributes, ValuesOfOtherVolumes) {
     std::string first;
     for (const char* const memory : {"100K", "1G"})
         for (const char* const threads : {"1", "3"}) {
-            const json report = surface({file("ball.mha"), "-o", file("out.ply"), "--iso", "0", "--attributes", file("heat.mha") + ',' + file("half.mha"), "--memory", memory, "--threads", threads, "--overwrite"});
+            const json report = surface({file("ball.mha"), "-o", file("out.ply"), "--iso", "0", "--attributes", file("heat.mha") + ',' + file("half.mha"), "--memory", memory, "--threads", threads});
             const TriangleMesh found = mesh("out.ply");
             ASSERT_EQ(found.scalars.size(), 2u);
             EXPECT_EQ(found.scalars[0].name, "heat");
@@ -195,7 +195,7 @@ TEST_F(SurfaceAttributes, GridsOfTheSameFile) {
     write_bytes(file("grids.vdb"), vdb.bytes());
     std::string first;
     for (const char* const memory : {"64M", "3M"}) {  // with less, values wait in a file
-        const json report = surface({file("grids.vdb"), "-o", file("grids.ply"), "--attributes", "heat,coarse,flow,Cd", "--memory", memory, "--overwrite"});
+        const json report = surface({file("grids.vdb"), "-o", file("grids.ply"), "--attributes", "heat,coarse,flow,Cd", "--memory", memory});
         ASSERT_EQ(report["attributes"].size(), 5u);
         const TriangleMesh found = mesh("grids.ply");
         ASSERT_EQ(found.scalars.size(), 5u);

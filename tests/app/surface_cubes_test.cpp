@@ -44,7 +44,7 @@ TEST_F(CubesOfVolumes, TheBallOfIntegers) {
     std::string first;
     for (const char* const memory : {"4M", "1G"})
         for (const char* const threads : {"1", "3"}) {
-            const json report = surface({ball(), "-o", file("out.ply"), "--method", "cubes", "--iso", "100", "--memory", memory, "--threads", threads, "--overwrite"});
+            const json report = surface({ball(), "-o", file("out.ply"), "--method", "cubes", "--iso", "100", "--memory", memory, "--threads", threads});
             EXPECT_EQ(report["method"], "cubes");
             EXPECT_EQ(report["solid_voxels"], 17'074);
             EXPECT_EQ(report["faces_uncut"], 102'444);

@@ -14,6 +14,7 @@
 #include "tests/support/las_file.h"
 #include "tests/support/run_program.h"
 #include "tests/support/scanned_points.h"
+#include "tests/support/surface_program.h"
 #include "tests/support/temporary_folder.h"
 
 namespace strata {
@@ -21,30 +22,15 @@ namespace {
 
 using nlohmann::json;
 using std::numbers::pi;
-using test::ProgramResult;
 using test::run_strata;
 
-class SurfaceOfPoints : public testing::Test {
+class SurfaceOfPoints : public test::SurfaceProgram {
 protected:
-    json surface(std::vector<std::string> words) {
-        words.insert(words.begin(), {"surface", "--json", "--overwrite"});
-        const ProgramResult result = run_strata(words);
-        EXPECT_EQ(result.exit_code, 0) << result.err;
-        return result.exit_code == 0 ? json::parse(result.out) : json();
-    }
-    void refuse(std::vector<std::string> words, const std::string& said, int exit_code = 2) {
-        words.insert(words.begin(), {"surface", "-o", file("refused.ply")});
-        const ProgramResult result = run_strata(words);
-        EXPECT_EQ(result.exit_code, exit_code) << said << "\n" << result.err;
-        EXPECT_NE(result.err.find(said), std::string::npos) << said << "\n" << result.err;
-        EXPECT_FALSE(std::filesystem::exists(file("refused.ply")));
-    }
     bool has_note(const json& report, const std::string& part) const {
         for (const auto& note : report["notes"])
             if (note.get<std::string>().find(part) != std::string::npos) return true;
         return false;
     }
-    std::string file(const std::string& name) const { return folder_.file(name); }
     std::string write(const std::string& name, const test::LasFile& las) const {
         const std::vector<std::byte> bytes = las.bytes();
         std::ofstream(file(name), std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::streamsize(bytes.size()));
@@ -161,21 +147,21 @@ TEST_F(SurfaceOfPoints, SaysWhatItChose) {
 
 TEST_F(SurfaceOfPoints, SaysWhatCannotBe) {
     const std::string in = ball();
-    refuse({in, "--method", "smooth", "--radius", "1", "--voxel-size", "1"}, "--radius: expected 2 to 7 times --voxel-size");
-    refuse({in, "--method", "smooth", "--iso", "1"}, "--iso is not for a smooth surface of points");
-    refuse({in, "--quads"}, "--quads is for --method cubes");
-    refuse({in, "--close"}, "--close is for volumes");
-    refuse({in, "--attributes", "height"}, "height");
-    refuse({in, "--method", "cubes", "--voxel-size", "1", "--attributes", "intensity"}, "--attributes is for --method smooth or balls, of points; here voxels are made of " + in);
-    refuse({in, "--viewpoint", "1,2"}, "--viewpoint");
-    refuse({in, "--method", "balls", "--radius", "1", "--viewpoint", "1,2,3"}, "--viewpoint is for --method smooth, of points");
-    refuse({in, "--method", "smooth", "--memory", "1M"}, "memory", 1);
+    refuse({in, "--method", "smooth", "--radius", "1", "--voxel-size", "1"}, 2, "--radius: expected 2 to 7 times --voxel-size");
+    refuse({in, "--method", "smooth", "--iso", "1"}, 2, "--iso is not for a smooth surface of points");
+    refuse({in, "--quads"}, 2, "--quads is for --method cubes");
+    refuse({in, "--close"}, 2, "--close is for volumes");
+    refuse({in, "--attributes", "height"}, 2, "height");
+    refuse({in, "--method", "cubes", "--voxel-size", "1", "--attributes", "intensity"}, 2, "--attributes is for --method smooth or balls, of points; here voxels are made of " + in);
+    refuse({in, "--viewpoint", "1,2"}, 2, "--viewpoint");
+    refuse({in, "--method", "balls", "--radius", "1", "--viewpoint", "1,2,3"}, 2, "--viewpoint is for --method smooth, of points");
+    refuse({in, "--method", "smooth", "--memory", "1M"}, 1, "memory");
     std::ofstream(file("triangle.obj")) << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
-    refuse({file("triangle.obj"), "--method", "smooth"}, "--method smooth is for points");
-    refuse({file("triangle.obj")}, "of meshes --method cubes or marching-cubes");
+    refuse({file("triangle.obj"), "--method", "smooth"}, 2, "--method smooth is for points");
+    refuse({file("triangle.obj")}, 2, "of meshes --method cubes or marching-cubes");
     test::LasFile las{.point_format = 0, .scale = {1, 1, 1}, .max = {9, 9, 9}};
     las.records.assign(1000, test::las_record(0, {.x = 5, .y = 5, .z = 5}));
-    refuse({write("equal.las", las)}, "--radius says how far a point reaches");
+    refuse({write("equal.las", las)}, 2, "--radius says how far a point reaches");
     // Of one point with a radius there is a mesh, and nothing in it.
     las.records.resize(1);
     const json report = surface({write("one.las", las), "-o", file("none.ply"), "--method", "smooth", "--radius", "1"});

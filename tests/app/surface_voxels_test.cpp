@@ -10,7 +10,7 @@
 #include "io/mesh/mesh_reader.h"
 #include "tests/support/las_file.h"
 #include "tests/support/run_program.h"
-#include "tests/support/temporary_folder.h"
+#include "tests/support/surface_program.h"
 #include "tests/support/test_meshes.h"
 
 namespace strata {
@@ -21,21 +21,8 @@ using std::numbers::pi;
 using test::ProgramResult;
 using test::run_strata;
 
-class SurfaceOfVoxels : public testing::Test {
+class SurfaceOfVoxels : public test::SurfaceProgram {
 protected:
-    json surface(std::vector<std::string> words) {
-        words.insert(words.begin(), {"surface", "--json", "--overwrite"});
-        const ProgramResult result = run_strata(words);
-        EXPECT_EQ(result.exit_code, 0) << result.err;
-        return result.exit_code == 0 ? json::parse(result.out) : json();
-    }
-    void refuse(std::vector<std::string> words, const std::string& said) {
-        words.insert(words.begin(), {"surface", "-o", file("refused.ply")});
-        const ProgramResult result = run_strata(words);
-        EXPECT_EQ(result.exit_code, 2) << said << "\n" << result.err;
-        EXPECT_NE(result.err.find(said), std::string::npos) << said << "\n" << result.err;
-    }
-    std::string file(const std::string& name) const { return folder_.file(name); }
     /// A solid ball of a radius of 40 voxels, of which 3 are a unit.
     std::string ball() const {
         const TriangleMesh mesh = sphere_mesh(Vec3d(7, -3, 5), 40.0 / 3.0, 200);
@@ -61,7 +48,6 @@ protected:
         std::ofstream(file("row.las"), std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::streamsize(bytes.size()));
         return file("row.las");
     }
-    const TemporaryFolder folder_;
 };
 
 TEST_F(SurfaceOfVoxels, SharesOfCellsMakeASmoothBall) {
@@ -84,10 +70,10 @@ TEST_F(SurfaceOfVoxels, SharesOfCellsMakeASmoothBall) {
     const json inner = surface({in, "-o", file("d.ply"), "--method", "marching-cubes", "--voxel-size", "0.67", "--iso", "1"});
     EXPECT_LT(inner["volume"].get<double>(), smooth["volume"].get<double>());
 
-    refuse({in, "--method", "marching-cubes", "--inside", "below"}, "--inside below is not for voxels");
-    refuse({in, "--method", "marching-cubes", "--iso", "0"}, "--iso: of voxels it is a share above 0");
-    refuse({in, "--method", "marching-cubes", "--quads"}, "--quads is for --method cubes");
-    refuse({in, "--method", "marching-cubes", "--grid", "a"}, "is no .vdb file");
+    refuse({in, "--method", "marching-cubes", "--inside", "below"}, 2, "--inside below is not for voxels");
+    refuse({in, "--method", "marching-cubes", "--iso", "0"}, 2, "--iso: of voxels it is a share above 0");
+    refuse({in, "--method", "marching-cubes", "--quads"}, 2, "--quads is for --method cubes");
+    refuse({in, "--method", "marching-cubes", "--grid", "a"}, 2, "is no .vdb file");
 }
 
 TEST_F(SurfaceOfVoxels, RectanglesAsTheyAreAndNormals) {
@@ -141,26 +127,26 @@ TEST_F(SurfaceOfVoxels, ColorsThatCanBeSeenThrough) {
 
     const std::string expected = "--transparent: expected colors such as 60a0ff:90";
     for (const char* const list : {"", "00ff00", "00ff00:255", "00ff0:9", "00ff00:9,", "00fg00:9", "00ff00:x"})
-        refuse({in, "--method", "cubes", "--voxel-size", "1", "--transparent", list}, expected);
-    refuse({ball(), "--transparent", "00ff00:9"}, "the voxels have no colors");
+        refuse({in, "--method", "cubes", "--voxel-size", "1", "--transparent", list}, 2, expected);
+    refuse({ball(), "--transparent", "00ff00:9"}, 2, "the voxels have no colors");
 }
 
 // Only the surface of a volume can meet a boundary.
 TEST_F(SurfaceOfVoxels, CloseIsForVolumes) {
     const std::string in = row(), voxels = ball(), said = "--close is for volumes";
-    refuse({in, "--close", "--radius", "0.5"}, said);
-    refuse({in, "--close", "--method", "cubes", "--voxel-size", "1"}, said);
-    refuse({in, "--close", "--method", "marching-cubes", "--voxel-size", "1"}, said);
-    refuse({in, in, "--close", "--radius", "0.5"}, said);
-    refuse({file("ball.obj"), "--close", "--method", "cubes", "--voxel-size", "1"}, said);
-    refuse({voxels, "--close"}, said);
-    refuse({voxels, "--close", "--method", "marching-cubes"}, said);
+    refuse({in, "--close", "--radius", "0.5"}, 2, said);
+    refuse({in, "--close", "--method", "cubes", "--voxel-size", "1"}, 2, said);
+    refuse({in, "--close", "--method", "marching-cubes", "--voxel-size", "1"}, 2, said);
+    refuse({in, in, "--close", "--radius", "0.5"}, 2, said);
+    refuse({file("ball.obj"), "--close", "--method", "cubes", "--voxel-size", "1"}, 2, said);
+    refuse({voxels, "--close"}, 2, said);
+    refuse({voxels, "--close", "--method", "marching-cubes"}, 2, said);
     ASSERT_EQ(run_strata({"convert", in, file("lod"), "--quiet"}).exit_code, 0);
-    refuse({file("lod"), "--close", "--radius", "0.5"}, said);
+    refuse({file("lod"), "--close", "--radius", "0.5"}, 2, said);
     const ProgramResult grid = run_strata({"voxelize", file("ball.obj"), "-o", file("ball.vdb"), "--kind", "level-set", "--resolution", "32", "--quiet"});
     if (grid.exit_code != 0) GTEST_SKIP() << "grids are not tested: " << grid.err;
-    refuse({file("ball.vdb"), "--close"}, said);
-    refuse({file("ball.vdb"), "--close", "--method", "cubes"}, said);
+    refuse({file("ball.vdb"), "--close"}, 2, said);
+    refuse({file("ball.vdb"), "--close", "--method", "cubes"}, 2, said);
 }
 
 // Four points in a row, a unit apart: four balls, or one body.
@@ -174,14 +160,14 @@ TEST_F(SurfaceOfVoxels, BallsAroundPoints) {
     const json one = surface({in, "-o", file("one.ply"), "--method", "balls", "--radius", "0.7"});
     EXPECT_EQ(one["components"], 1);
     EXPECT_EQ(one["euler_characteristic"], 2);
-    refuse({in, "--radius", "0.5", "--method", "cubes"}, "--radius is for --method smooth or balls");
-    refuse({in, "--method", "balls", "--radius", "0.5", "--iso", "1"}, "--iso is not for balls around points");
-    refuse({in, "--method", "balls", "--radius", "0.5", "--voxel-size", "2"}, "from 1 to 6 spacings");
-    refuse({in, "--radius", "-1"}, "--radius: expected a positive number");
-    refuse({ball(), "--radius", "1"}, "--radius is not for voxels");
-    refuse({in, "--method", "balls"}, "--method balls: --radius R is expected");
-    refuse({in, "--method", "balls", "--radius", "1", "--viewpoint", "1,2,3"}, "--viewpoint is for --method smooth");
-    refuse({file("ball.svo"), "--method", "balls", "--radius", "1"}, "--method balls is for points");
+    refuse({in, "--radius", "0.5", "--method", "cubes"}, 2, "--radius is for --method smooth or balls");
+    refuse({in, "--method", "balls", "--radius", "0.5", "--iso", "1"}, 2, "--iso is not for balls around points");
+    refuse({in, "--method", "balls", "--radius", "0.5", "--voxel-size", "2"}, 2, "from 1 to 6 spacings");
+    refuse({in, "--radius", "-1"}, 2, "--radius: expected a positive number");
+    refuse({ball(), "--radius", "1"}, 2, "--radius is not for voxels");
+    refuse({in, "--method", "balls"}, 2, "--method balls: --radius R is expected");
+    refuse({in, "--method", "balls", "--radius", "1", "--viewpoint", "1,2,3"}, 2, "--viewpoint is for --method smooth");
+    refuse({file("ball.svo"), "--method", "balls", "--radius", "1"}, 2, "--method balls is for points");
 }
 
 TEST_F(SurfaceOfVoxels, BallsAreTheSameWhateverTheMemoryAndThreads) {

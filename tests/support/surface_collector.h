@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -22,6 +23,7 @@ public:
             for (const uint32_t v : t) EXPECT_LT(v, positions.size());  // of this piece or an earlier one
         triangles.insert(triangles.end(), piece.triangles.begin(), piece.triangles.end());
         EXPECT_TRUE(piece.quads.empty());
+        largest_piece = std::max<uint64_t>(largest_piece, piece.positions.size_bytes() + piece.normals.size_bytes() + piece.colors.size_bytes() + piece.triangles.size_bytes());
         ++pieces;
     }
 
@@ -30,6 +32,7 @@ public:
     std::vector<std::array<uint8_t, 4>> colors;
     std::vector<std::array<uint32_t, 3>> triangles;
     int pieces = 0;
+    uint64_t largest_piece = 0;  // bytes
 };
 
 }  // namespace strata

@@ -22,7 +22,7 @@ protected:
     }
     /// The report of --json.
     nlohmann::json surface(std::vector<std::string> words) {
-        words.push_back("--json");
+        words.insert(words.end(), {"--json", "--overwrite"});
         const ProgramResult result = run(words);
         EXPECT_EQ(result.exit_code, 0) << result.err;
         return result.exit_code == 0 ? nlohmann::json::parse(result.out) : nlohmann::json();

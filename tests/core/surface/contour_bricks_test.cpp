@@ -336,15 +336,6 @@ TEST(ContourBricks, APlaneThatEndsWhereNothingIsKnown) {
 // The surface in a layer of noise is larger than its bricks: it comes in pieces, vertices before triangles, down to the least memory that the
 // errors tell of, and is the same.
 TEST(ContourBricks, ALayersSurfaceMayBeLargerThanTheMemory) {
-    class LargestPiece : public SurfaceCollector {
-    public:
-        void add(const SurfacePiece& piece) override {
-            SurfaceCollector::add(piece);
-            largest = std::max<uint64_t>(largest, piece.positions.size_bytes() + piece.normals.size_bytes() + piece.colors.size_bytes() +
-                                                      piece.triangles.size_bytes());
-        }
-        uint64_t largest = 0;
-    };
     const auto value = [](const Place& p) {
         return float(Random(uint64_t(p[0]) ^ uint64_t(p[1]) << 20 ^ uint64_t(p[2]) << 40).uniform(-1.0, 1.0));
     };
@@ -371,7 +362,7 @@ TEST(ContourBricks, ALayersSurfaceMayBeLargerThanTheMemory) {
             ASSERT_LT(tries, 60);
             settings.threads = 1 + tries % 3;
             FunctionBricks again = source();
-            LargestPiece sink;
+            SurfaceCollector sink;
             try {
                 const ContourReport found = contour_bricks(again, settings, sink);
                 EXPECT_TRUE(sink.positions == whole.positions && sink.triangles == whole.triangles);
@@ -385,7 +376,7 @@ TEST(ContourBricks, ALayersSurfaceMayBeLargerThanTheMemory) {
                     EXPECT_GT(sink.pieces, 20);
                 }
                 has_run = true;
-                EXPECT_LT(sink.largest, settings.memory_bytes / 4);
+                EXPECT_LT(sink.largest_piece, settings.memory_bytes / 4);
                 if (settings.memory_bytes > layer_bytes * 9) break;  // a layer is a piece there
                 settings.memory_bytes *= 2;
             } catch (const Error& error) {

@@ -7,8 +7,8 @@
 
 #include "core/error.h"
 #include "core/math/random.h"
-#include "tests/support/memory_store.h"
 #include "tests/support/scanned_points.h"
+#include "tests/support/store_in_memory.h"
 
 namespace strata {
 namespace {
@@ -140,12 +140,12 @@ TEST(PointLayers, PointsOfACellBecomeOne) {
 TEST(PointLayers, SpilledPointsAreTheSame) {
     const ScannedPoints points(random_points(30'000, 3));
     const PointGrid grid = PointGrid::around(points.info().bounds, kStep, 2.0);
-    MemoryStore store;
+    test::StoreInMemory store;
     ScratchBlocks none(nullptr), some(&store);
     PointLayers kept(grid, whole_form(), 1 << 20, none), spilled(grid, whole_form(), 1000, some), again(grid, whole_form(), 1000, none);
     kept.distribute(points, 1, {});
     spilled.distribute(points, 4, {});
-    EXPECT_GT(store.written, 1'000'000u);
+    EXPECT_GT(store.written(), 1'000'000u);
     const auto expect_equal = [](const PointLayer& a, const PointLayer& b) {
         EXPECT_EQ(a.corners, b.corners);
         EXPECT_EQ(a.begins, b.begins);

@@ -9,8 +9,8 @@
 #include "core/surface/contour.h"
 #include "core/surface/point_balls.h"
 #include "core/surface/point_surface.h"
-#include "tests/support/memory_store.h"
 #include "tests/support/scanned_points.h"
+#include "tests/support/store_in_memory.h"
 
 namespace strata {
 namespace {
@@ -179,7 +179,7 @@ void expect_one_limit(const ScannedPoints& points, Settings settings) {
     settings.keep_points = true;
     settings.threads = 2;
     const auto fits = [&](uint64_t memory, int threads, bool painted) {
-        MemoryStore store;
+        test::StoreInMemory store;
         settings.memory_bytes = memory;
         settings.scratch = &store;
         try {

@@ -13,8 +13,8 @@
 #include "core/math/random.h"
 #include "core/surface/contour.h"
 #include "core/surface/surface_report.h"
-#include "tests/support/memory_store.h"
 #include "tests/support/scanned_points.h"
+#include "tests/support/store_in_memory.h"
 #include "tests/support/surface_in_memory.h"
 
 namespace strata {
@@ -249,7 +249,7 @@ TEST(PointSurface, TheSameWhateverTheThreads) {
     PointSurfaceSettings settings = {.spacing = 0.03, .radius = 0.09};
     const Made first = surface_of(ScannedPoints(points), settings);
     std::reverse(points.begin(), points.end());
-    MemoryStore store;
+    test::StoreInMemory store;
     for (const int threads : {2, 5}) {
         settings.threads = threads;
         if (threads == 5) settings.scratch = &store, settings.memory_bytes = 2'500'000;
@@ -257,7 +257,7 @@ TEST(PointSurface, TheSameWhateverTheThreads) {
         EXPECT_EQ(first.surface.positions, other.surface.positions);
         EXPECT_EQ(first.surface.triangles, other.surface.triangles);
     }
-    EXPECT_GT(store.written, 100'000u);
+    EXPECT_GT(store.written(), 100'000u);
 }
 
 // Bounds that lie: those of all points are asked for once, before anything is made of some of them.
