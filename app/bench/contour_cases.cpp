@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 
+#include "app/bench/vertex_distances.h"
 #include "core/parallel.h"
 #include "core/surface/contour.h"
 
@@ -53,8 +54,9 @@ double gyroid_distance(const Vec3d& p) {
 constexpr Shape kShapes[] = {{"sphere", sphere, sphere}, {"torus", torus, torus}, {"gyroid", gyroid, gyroid_distance}};
 
 struct Measured {
-    double ms = 0.0, largest = 0.0, rms = 0.0;
+    double ms = 0.0;
     uint64_t triangles = 0;
+    VertexDistances off;
 };
 
 Measured measure(const Shape& shape, uint32_t samples, const BenchSettings& bench) {
@@ -79,15 +81,8 @@ Measured measure(const Shape& shape, uint32_t samples, const BenchSettings& benc
                                  .triangles;
         times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
     }
-    std::sort(times.begin(), times.end());
-    measured.ms = times[times.size() / 2];
-    double squares = 0.0;
-    for (const Vec3f& p : mesh.positions) {
-        const double distance = std::abs(shape.distance(mesh.origin + p.cast<double>()));
-        measured.largest = std::max(measured.largest, distance);
-        squares += distance * distance;
-    }
-    measured.rms = std::sqrt(squares / double(std::max<size_t>(mesh.positions.size(), 1)));
+    measured.ms = median(times);
+    measured.off = distances_of_vertices(mesh, shape.distance);
     return measured;
 }
 
@@ -124,11 +119,11 @@ std::optional<BenchSection> run_contour_cases(BenchScene&, const BenchSettings& 
             const Measured measured = measure(shape, samples, bench);
             const double cell = 1.0 / (samples - 1);
             const double bound = shape.field == sphere ? cell * cell / (8.0 * (kRadius - cell)) : kNone;
-            const double order = std::log(rms_before / measured.rms) / std::log(cell_before / cell);
+            const double order = std::log(rms_before / measured.off.rms) / std::log(cell_before / cell);
             section.table.rows.push_back(
-                {std::string(name), cell, measured.ms, double(measured.triangles), measured.largest, bound, measured.rms, order});
-            series.points.emplace_back(measured.ms, measured.rms);
-            rms_before = measured.rms;
+                {std::string(name), cell, measured.ms, double(measured.triangles), measured.off.largest, bound, measured.off.rms, order});
+            series.points.emplace_back(measured.ms, measured.off.rms);
+            rms_before = measured.off.rms;
             cell_before = cell;
             bench.log(name);
         }

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "app/bench/vertex_distances.h"
 #include "core/math/random.h"
 #include "core/surface/contour.h"
 #include "core/surface/point_surface.h"
@@ -79,8 +80,9 @@ private:
 };
 
 struct Measured {
-    double ms = 0.0, largest = 0.0, rms = 0.0;
+    double ms = 0.0;
     uint64_t triangles = 0;
+    VertexDistances off;
 };
 
 Measured measure(const Shape& shape, size_t count, double noise, double apart, const BenchSettings& bench) {
@@ -105,15 +107,8 @@ Measured measure(const Shape& shape, size_t count, double noise, double apart, c
         measured.triangles = contour_bricks(field, settings, mesh).triangles;
         times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
     }
-    std::sort(times.begin(), times.end());
-    measured.ms = times[times.size() / 2];
-    double squares = 0.0;
-    for (const Vec3f& p : mesh.positions) {
-        const double distance = std::abs(shape.distance(mesh.origin + p.cast<double>()));
-        measured.largest = std::max(measured.largest, distance);
-        squares += distance * distance;
-    }
-    measured.rms = std::sqrt(squares / double(std::max<size_t>(mesh.positions.size(), 1)));
+    measured.ms = median(times);
+    measured.off = distances_of_vertices(mesh, shape.distance);
     return measured;
 }
 
@@ -137,9 +132,9 @@ std::optional<BenchSection> run_point_surface_cases(BenchScene&, const BenchSett
                 if (!bench.wants(name)) continue;
                 const double apart = std::sqrt(shape.area / double(count));
                 const Measured measured = measure(shape, count, noise, apart, bench);
-                const double of_noise = noise > 0.0 ? measured.rms / noise : std::numeric_limits<double>::quiet_NaN();
-                section.table.rows.push_back({std::string(name), kReach * apart, measured.ms, double(measured.triangles), measured.largest, measured.rms, of_noise});
-                series.points.emplace_back(measured.ms, measured.rms);
+                const double of_noise = noise > 0.0 ? measured.off.rms / noise : std::numeric_limits<double>::quiet_NaN();
+                section.table.rows.push_back({std::string(name), kReach * apart, measured.ms, double(measured.triangles), measured.off.largest, measured.off.rms, of_noise});
+                series.points.emplace_back(measured.ms, measured.off.rms);
                 bench.log(name);
             }
             if (!series.points.empty()) plot.series.push_back(std::move(series));

@@ -25,6 +25,7 @@
 #include "core/parallel.h"
 #include "core/surface/field_rays.h"
 #include "io/volume/volume_source.h"
+#include "tests/bench/peer_view.h"
 
 namespace strata {
 namespace {
@@ -32,18 +33,6 @@ namespace {
 constexpr int kPicture = 1024, kTile = 32, kTimes = 5;
 constexpr float kBand = 3.0f;
 constexpr double kMiss = std::numeric_limits<double>::infinity();
-
-double seconds_of(const std::function<void()>& act) {
-    const auto start = std::chrono::steady_clock::now();
-    act();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-double median_seconds(const std::function<void()>& act) {
-    std::vector<double> all;
-    for (int i = 0; i < kTimes; ++i) all.push_back(seconds_of(act));
-    std::sort(all.begin(), all.end());
-    return all[all.size() / 2];
-}
 
 // A surface to look at: a value everywhere, below 0 inside, and its samples on a grid of so many an axis.
 struct Scene {
@@ -111,31 +100,14 @@ private:
     size_t next_ = 0;
 };
 
-// A pinhole before the box, in index space.
-struct Camera {
-    Vec3d eye, first, per_x, per_y;  // direction of pixel (x, y): first + x per_x + y per_y
-
-    explicit Camera(const Box3d& box) {
-        const Vec3d forward = Vec3d(-1.0, 0.7, -0.5).normalized();
-        const double radius = 0.5 * box.size().norm();
-        eye = box.center() - 2.5 * radius * forward;
-        const Vec3d right = forward.cross(Vec3d::UnitZ()).normalized(), up = right.cross(forward);
-        const double half = 0.7 / 2.5;
-        per_x = 2.0 * half / kPicture * right;
-        per_y = -2.0 * half / kPicture * up;
-        first = forward - half * right + half * up + 0.5 * (per_x + per_y);
-    }
-    Vec3d direction(int x, int y) const { return first + x * per_x + y * per_y; }
-};
-
 /// Writes for each pixel of a tile how far along its direction the surface is, or kMiss.
 using CastTile = std::function<void(int x0, int y0, double* out, size_t stride)>;
 
-void print_rays(const char* what, const Scene& scene, const Camera& camera, const CastTile& cast) {
+void print_rays(const char* what, const Scene& scene, const PeerCamera& camera, const CastTile& cast) {
     std::vector<double> found(size_t(kPicture) * kPicture);
     double rays_per_us[2] = {};
     for (const int threads : {1, 2}) {
-        const double seconds = median_seconds([&] {
+        const double seconds = median_seconds(kTimes, [&] {
             parallel_blocks(threads, kPicture / kTile, 1, [&](size_t begin, size_t end) {
                 for (size_t row = begin; row < end; ++row)
                     for (int x = 0; x < kPicture; x += kTile)
@@ -162,7 +134,7 @@ nanovdb::Vec3f nano(const Vec3d& v) { return {float(v.x()), float(v.y()), float(
 
 // Casts rays of unit length one by one, with an accessor a tile; hit(ray, accessor) gives t or kMiss.
 template <typename Ray, typename MakeState, typename Hit>
-CastTile one_by_one(const Camera& camera, const MakeState& make_state, const Hit& hit) {
+CastTile one_by_one(const PeerCamera& camera, const MakeState& make_state, const Hit& hit) {
     return [&camera, make_state, hit](int x0, int y0, double* out, size_t stride) {
         auto state = make_state();
         for (int y = 0; y < kTile; ++y)
@@ -198,7 +170,7 @@ double zero_crossing(auto& accessor, const Vec3d& eye, const Vec3d& direction, b
 }
 
 void compare(const Scene& scene) {
-    const Camera camera(scene.box());
+    const PeerCamera camera(scene.box(), 0.7, kPicture);
     const auto level_set = level_set_of(scene);
     {
         const auto handle = nanovdb::openToNanoVDB(*level_set);
@@ -226,8 +198,8 @@ void compare(const Scene& scene) {
     const FieldBricks field = FieldBricks::of_bricks(source, uint64_t{8} << 30, 2);
     const IsoLevel level = {0.0, ContourInside::below};
     const Vec3d eye = camera.eye - field.placement().origin;
-    std::printf("| %s, strata: the surface's cells, %.1f ms, %.1f ms | | | | | |\n", scene.name, 1e3 * median_seconds([&] { FieldSurface(field, level, 1); }),
-                1e3 * median_seconds([&] { FieldSurface(field, level, 2); }));
+    std::printf("| %s, strata: the surface's cells, %.1f ms, %.1f ms | | | | | |\n", scene.name, 1e3 * median_seconds(kTimes, [&] { FieldSurface(field, level, 1); }),
+                1e3 * median_seconds(kTimes, [&] { FieldSurface(field, level, 2); }));
     const FieldSurface surface(field, level, 2);
     print_rays("strata, a ray at a time", scene, camera,
                one_by_one<double>(camera, [] { return 0; },

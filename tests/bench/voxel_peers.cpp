@@ -26,39 +26,12 @@
 #include "io/mesh/mesh_reader.h"
 #include "io/svo/svo_writer.h"
 #include "io/vdb/vdb_writer.h"
+#include "tests/bench/peer_view.h"
 
 namespace strata {
 namespace {
 
 constexpr int kPicture = 1024, kTile = 32, kTimes = 5;
-
-double seconds_of(const std::function<void()>& act) {
-    const auto start = std::chrono::steady_clock::now();
-    act();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-double median_seconds(int times, const std::function<void()>& act) {
-    std::vector<double> all;
-    for (int i = 0; i < times; ++i) all.push_back(seconds_of(act));
-    std::sort(all.begin(), all.end());
-    return all[all.size() / 2];
-}
-
-// A pinhole before the mesh, in the coordinates in which `box` is.
-struct Camera {
-    Vec3d eye, first, per_x, per_y;  // direction of pixel (x, y): first + x per_x + y per_y
-
-    explicit Camera(const Box3d& box) {
-        const Vec3d forward = Vec3d(-1.0, 0.7, -0.5).normalized();
-        const double radius = 0.5 * box.size().norm();
-        eye = box.center() - 2.5 * radius * forward;
-        const Vec3d right = forward.cross(Vec3d::UnitZ()).normalized(), up = right.cross(forward);
-        const double half = 1.0 / 2.5;
-        per_x = 2.0 * half / kPicture * right;
-        per_y = -2.0 * half / kPicture * up;
-        first = forward - half * right + half * up + 0.5 * (per_x + per_y);
-    }
-};
 
 struct Counted {
     double seconds = 0.0;
@@ -86,7 +59,7 @@ nanovdb::Vec3f nano(const Vec3d& v) { return {float(v.x()), float(v.y()), float(
 
 // Casts the tile's rays in index space; hit(ray) with an accessor of its own.
 template <typename Grid, typename Hit>
-Counted cast_nano(const Grid& grid, const Camera& camera, int threads, const Hit& hit) {
+Counted cast_nano(const Grid& grid, const PeerCamera& camera, int threads, const Hit& hit) {
     return cast_picture(threads, [&](int x0, int y0) {
         auto accessor = grid.getAccessor();
         uint64_t hits = 0;
@@ -156,7 +129,7 @@ void compare_rays(const TriangleMesh& mesh, int resolution) {
         const auto handle = nanovdb::openToNanoVDB(*openvdb_level_set(mesh, frame.voxel_size, 2));
         Box3d box;  // index space
         for (const Vec3d& p : mesh.positions) box.extend(p / frame.voxel_size);
-        const Camera camera(box);
+        const PeerCamera camera(box, 1.0, kPicture);
         print_rays("NanoVDB HDDA, level set", resolution, [&](int threads) {
             return cast_nano(*handle.grid<float>(), camera, threads, [](NanoRay& ray, auto& accessor) {
                 nanovdb::Coord at;
@@ -168,7 +141,7 @@ void compare_rays(const TriangleMesh& mesh, int resolution) {
     const VoxelTree tree = conservative_tree(mesh, frame, 2);
     Box3d box;
     for (const Vec3d& p : mesh.positions) box.extend(frame.voxel_from_world(p));
-    const Camera camera(box);
+    const PeerCamera camera(box, 1.0, kPicture);
     {
         const auto mask = openvdb::MaskGrid::create();
         auto accessor = mask->getAccessor();
