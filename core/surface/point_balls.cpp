@@ -60,22 +60,6 @@ void PointBalls::load(size_t layer) {
     else layers_->take_places(layer, room(), places);
 }
 
-bool PointBalls::next_layer(FieldBrickLayer& out) {
-    for (; next_ < layers_->size(); ++next_) {
-        if (next_ == 0) load(0);
-        load(next_ + 1);
-        out.k = int32_t(next_) * kFieldBrickSide;
-        out.corners.clear();
-        out.values.clear();
-        if (!near_[0].empty() || !near_[1].empty() || !near_[2].empty()) fill(out);
-        window_.pass(next_, !out.corners.empty());
-        if (out.corners.empty()) continue;
-        ++next_;
-        return true;
-    }
-    return false;
-}
-
 // The bricks of the layer that balls reach into, and the nearest center to each of their samples.
 void PointBalls::fill(FieldBrickLayer& out) {
     struct Part {

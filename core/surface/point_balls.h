@@ -8,9 +8,8 @@
 
 #include "core/cloud/point_source.h"
 #include "core/octree/scratch_store.h"
+#include "core/surface/point_field.h"
 #include "core/surface/point_layers.h"
-#include "core/surface/point_window.h"
-#include "core/surface/scalar_field.h"
 
 namespace strata {
 
@@ -31,7 +30,7 @@ struct PointBallsSettings {
 /// around its surface, +- 2 spacings beyond. Its surface at 0 is closed, whatever the points are; it encloses a sheet of points from both
 /// sides, without holes where balls overlap. Samples lie at multiples of the spacing, so that fields of neighboring scans fit together.
 /// Points are read once, and layers made from those near them; neither threads nor memory show.
-class PointBalls : public FieldBrickSource {
+class PointBalls : public PointField {
 public:
     /// bounds  of the points; those outside are left out and counted
     /// throws  Error{usage}: the radius is out of its range; Error{limit}: more than 2^18 samples an axis; what the source throws
@@ -41,25 +40,22 @@ public:
     uint64_t outside() const { return layers_->outside(); }
     uint64_t scratch_bytes() const { return scratch_.written_bytes(); }
 
-    PointWindow& window() { return window_; }
     const PointGrid& grid() const { return layers_->grid(); }
 
     const GridPlacement& placement() const override { return layers_->grid().placement; }
     float background() const override;
-    /// throws  Error{limit}: the bricks of one layer do not fit
-    bool next_layer(FieldBrickLayer& out) override;
 
 private:
     uint64_t room() const;
-    void load(size_t layer);
-    void fill(FieldBrickLayer& out);
+    size_t layers() const override { return layers_->size(); }
+    void load(size_t layer) override;
+    bool has_points_near() const override { return !near_[0].empty() || !near_[1].empty() || !near_[2].empty(); }
+    void fill(FieldBrickLayer& out) override;
 
     PointBallsSettings settings_;
     float reach_;  // spacings
     ScratchBlocks scratch_;
     std::unique_ptr<PointLayers> layers_;
-    PointWindow window_;
-    size_t next_ = 0;                                         // layer
     std::array<std::vector<std::array<int32_t, 3>>, 3> near_;  // places of the layer below, this one and the one above; by layer % 3
 };
 

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "core/parallel.h"
+#include "core/surface/surface_parts.h"
 
 namespace strata {
 namespace {
@@ -23,26 +24,11 @@ struct PointPaint::Say {
 };
 
 void PointPaint::add(const SurfacePiece& piece) {
-    const size_t all = piece.positions.size(), scalars = settings_.form.scalars.size();
-    std::vector<VertexScalars> named(piece.scalars.size() + scalars);
-    size_t first = 0;
-    do {
-        const size_t count = std::min(kMostVertices, all - first);
-        SurfacePiece part = {.origin = piece.origin, .positions = piece.positions.subspan(first, count)};
+    hand_on_in_parts(piece, kMostVertices, next_, [&](SurfacePiece& part, std::vector<VertexScalars>& scalars) {
         paint(part.origin, part.positions);
-        if (!piece.normals.empty()) part.normals = piece.normals.subspan(first, count);
-        if (!piece.colors.empty()) part.colors = piece.colors.subspan(first, count);
         if (settings_.form.colors) part.colors = colors_;
-        for (size_t s = 0; s < piece.scalars.size(); ++s) named[s] = {piece.scalars[s].name, piece.scalars[s].values.subspan(first, count)};
-        for (size_t s = 0; s < scalars; ++s) named[piece.scalars.size() + s] = {settings_.form.scalars[s].name, scalars_[s]};
-        part.scalars = named;
-        first += count;
-        if (first == all) {
-            part.triangles = piece.triangles;
-            part.quads = piece.quads;
-        }
-        next_.add(part);
-    } while (first < all);
+        for (size_t s = 0; s < scalars_.size(); ++s) scalars.push_back({settings_.form.scalars[s].name, scalars_[s]});
+    });
 }
 
 void PointPaint::paint(const Vec3d& origin, std::span<const Vec3f> positions) {

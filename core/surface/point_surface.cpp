@@ -211,24 +211,8 @@ void PointSurface::load(size_t layer) {
     slot = std::move(points);
 }
 
-bool PointSurface::next_layer(FieldBrickLayer& out) {
-    for (; next_ < layers_->size(); ++next_) {
-        if (next_ == 0) load(0);
-        load(next_ + 1);
-        out.k = int32_t(next_) * kFieldBrickSide;
-        out.corners.clear();
-        out.values.clear();
-        if (near_[0] || near_[1] || near_[2]) fill(out);
-        window_.pass(next_, !out.corners.empty());
-        if (out.corners.empty()) continue;
-        ++next_;
-        return true;
-    }
-    return false;
-}
-
 void PointSurface::fill(FieldBrickLayer& out) {
-    const size_t layer = next_;
+    const size_t layer = next();
     const auto at = [&](size_t other) { return near_[other % 3].get(); };
     const std::array<const PointLayer*, 3> around = {layer > 0 ? at(layer + 2) : nullptr, at(layer), at(layer + 1)};
     out.corners = corners_around(around);

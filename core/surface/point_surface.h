@@ -10,9 +10,8 @@
 #include "core/cloud/point_source.h"
 #include "core/octree/scratch_store.h"
 #include "core/surface/normal_orientation.h"
+#include "core/surface/point_field.h"
 #include "core/surface/point_layers.h"
-#include "core/surface/point_window.h"
-#include "core/surface/scalar_field.h"
 
 namespace strata {
 
@@ -51,7 +50,7 @@ struct PointSurfaceReport {
 /// their sides are chosen (normal_orientation.h). Points are read once; neither threads nor memory show.
 /// source  C. Shen, J. F. O'Brien, J. R. Shewchuk, "Interpolating and approximating implicit surfaces from polygon soup", SIGGRAPH 2004, for
 ///         the mean of planes; A. Adamson, M. Alexa, "Approximating bounded, non-orientable surfaces from points", SMI 2004, for where it ends
-class PointSurface : public FieldBrickSource {
+class PointSurface : public PointField {
 public:
     /// bounds  of the points; those outside are left out and counted
     /// throws  Error{usage}: the radius is out of its range; Error{limit}: more than 2^18 samples an axis, or memory; what the source throws
@@ -61,13 +60,10 @@ public:
     uint64_t outside() const { return report_.outside; }
     const PointSurfaceReport& report() const { return report_; }
     uint64_t scratch_bytes() const { return scratch_.written_bytes(); }
-    PointWindow& window() { return window_; }
     const PointGrid& grid() const { return grid_; }
 
     const GridPlacement& placement() const override { return grid_.placement; }
     float background() const override;  // NaN
-    /// throws  Error{limit}: the bricks of one layer do not fit
-    bool next_layer(FieldBrickLayer& out) override;
 
 private:
     // The uppermost samples of the layer before.
@@ -83,8 +79,10 @@ private:
     uint64_t left_beside(uint64_t bytes) const { return settings_.memory_bytes - std::min(bytes, settings_.memory_bytes); }
     uint64_t room() const;
     void find_normals(bool fit, bool turn);
-    void load(size_t layer);
-    void fill(FieldBrickLayer& out);
+    size_t layers() const override { return layers_->size(); }
+    void load(size_t layer) override;
+    bool has_points_near() const override { return near_[0] || near_[1] || near_[2]; }
+    void fill(FieldBrickLayer& out) override;
     void drop_jumps(FieldBrickLayer& out);
 
     PointSurfaceSettings settings_;
@@ -93,11 +91,9 @@ private:
     ScratchBlocks scratch_;
     std::unique_ptr<PointLayers> layers_;  // with normals
     NormalOrientation orientation_;        // of their sides; no cells: they are as they are
-    size_t next_ = 0;                                            // layer
     std::array<std::shared_ptr<const PointLayer>, 3> near_;  // the layer below, this one and the one above; by layer % 3
     Top top_;
     PointSurfaceReport report_;
-    PointWindow window_;
 };
 
 }  // namespace strata

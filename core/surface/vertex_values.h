@@ -62,7 +62,6 @@ private:
     std::vector<Attribute> values_;
     ColorsAtVertices* colors_ = nullptr;
     std::vector<std::array<uint8_t, 4>> found_;
-    std::vector<VertexScalars> scalars_;
 };
 
 }  // namespace strata
